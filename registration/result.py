@@ -1,0 +1,52 @@
+"""What a registration answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from registration.scan import FloatArray
+
+Status = Literal["ok", "ambiguous", "underdetermined", "failed"]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One pose that was considered, with the score that ranked it (higher is better)."""
+
+    T_target_source: RigidTransform
+    score: float
+
+
+@dataclass(frozen=True)
+class RegistrationResult:
+    """The estimate, how it went, and how sure it is.
+
+    T_target_source: p_target = T p_source in mm, or None when none could be decided; never an
+        identity in place of a failure.
+    status, reason: "ok" has an empty reason, every other status says why.
+    covariance: (6, 6) of (rotation vector rad, translation mm), a perturbation applied on the left
+        of T_target_source (in the target frame), or None when the method does not estimate it.
+    undetermined: (k, 6) unit directions of the same coordinates that the scans leave open.
+    candidates: runners-up, best first.
+    stage_ms: wall time of each stage.
+    evidence: intermediate results by name, for figures and diagnosis; never needed for the answer.
+    """
+
+    T_target_source: RigidTransform | None
+    status: Status
+    reason: str = ""
+    covariance: FloatArray | None = None
+    undetermined: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
+    candidates: tuple[Candidate, ...] = ()
+    stage_ms: dict[str, float] = field(default_factory=dict)
+    evidence: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.status == "ok" and self.T_target_source is None:
+            raise ValueError("status 'ok' needs a T_target_source")
+        if self.status != "ok" and not self.reason:
+            raise ValueError(f"status {self.status!r} needs a reason")
