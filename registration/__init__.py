@@ -1,0 +1,7 @@
+"""Registration of laser profile scans by their planes, usable alone on real data."""
+
+from registration.methods import METHODS, register
+from registration.result import RegistrationResult
+from registration.scan import Scan, ScanError
+
+__all__ = ["METHODS", "RegistrationResult", "Scan", "ScanError", "register"]

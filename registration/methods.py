@@ -1,0 +1,61 @@
+"""The methods by name, and the one function that runs any of them."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from registration.result import RegistrationResult
+from registration.scan import Scan
+
+MethodFunction = Callable[[Scan, Scan, Any], RegistrationResult]
+
+
+class Method(NamedTuple):
+    """A registration: called as function(target, source, params), params of type params_type."""
+
+    function: MethodFunction
+    params_type: type
+
+
+class UnknownMethodError(ValueError):
+    """No method of that name; the message lists those there are."""
+
+
+METHODS: dict[str, Method] = {}
+
+
+def find_method(name: str) -> Method:
+    """Look a method up by its name in METHODS, or by "package.module:function".
+
+    A function of one's own is called as function(target, source, params); an attribute
+    `params_type` of it, a dataclass, is taken as the type of its parameters, else `dict`.
+    Raises UnknownMethodError.
+    """
+    if name in METHODS:
+        return METHODS[name]
+    module_name, colon, function_name = name.partition(":")
+    if not colon:
+        raise UnknownMethodError(
+            f"unknown method {name!r}; known are {', '.join(METHODS)}, or a function of your own "
+            'as "package.module:function"'
+        )
+    try:
+        function = getattr(importlib.import_module(module_name), function_name)
+    except (ImportError, AttributeError) as error:
+        raise UnknownMethodError(f"method {name!r} cannot be loaded: {error}") from error
+    return Method(function, getattr(function, "params_type", dict))
+
+
+def register(
+    target: Scan, source: Scan, method: str = "gauss_sphere", params: Any = None
+) -> RegistrationResult:
+    """Find the pose of the source scan in the target's frame, without an initial guess.
+
+    params: an instance of the method's params_type; its defaults when None.
+    A pair that cannot be registered comes back with status and reason; only a method that is
+    unknown or misconfigured raises.
+    """
+    chosen = find_method(method)
+    return chosen.function(target, source, chosen.params_type() if params is None else params)

@@ -1,0 +1,20 @@
+"""Compile every kernel once, so that no later run waits for it: `python -m registration.warm`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from registration.methods import METHODS, register
+from registration.scan import Scan
+
+
+def corner_scan(profiles: int = 24, pixels: int = 64) -> Scan:
+    """Three planes that meet, as a small scan on which every stage has something to do."""
+    x, y = np.meshgrid(np.arange(profiles) * 5.0, np.linspace(-120.0, 120.0, pixels), indexing="ij")
+    z = 600.0 + 0.5 * np.abs(y - 10.0) + np.where(x > 60.0, 0.4 * (x - 60.0), 0.0)
+    return Scan.from_points(np.stack([x, y, z], axis=2), step_mm=5.0)
+
+
+if __name__ == "__main__":
+    for name in METHODS:
+        register(corner_scan(), corner_scan(), method=name)
