@@ -1,0 +1,110 @@
+"""How far an estimate is from the truth: pure functions, and the only place where both meet."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sensors.paths import ViewPath
+
+FloatArray = NDArray[np.float64]
+
+PARAMETERS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
+
+
+class Tolerance(NamedTuple):
+    """A success: both the rotation angle and the translation norm are at most these."""
+
+    rotation_deg: float
+    translation_mm: float
+
+
+COARSE = Tolerance(5.0, 30.0)
+FINE = Tolerance(1.0, 5.0)
+
+
+class PoseError(NamedTuple):
+    """The pose that takes the estimate to the truth, as an angle and a length."""
+
+    rotation_rad: float
+    translation_mm: float
+
+
+def exact_pose(target: ViewPath, source: ViewPath) -> RigidTransform:
+    """The true T_target_source, in mm, between the frames of the two views' first profiles.
+
+    This is (3-1) of the thesis with the world in the place of the arm's bases.
+    """
+    return target.T_world_view.inv() * source.T_world_view
+
+
+def pose_error(T_exact: RigidTransform, T_estimated: RigidTransform) -> PoseError:
+    """Angle of the rotation between two poses and distance between their translations.
+
+    Both poses are T_target_source; the angle is the norm of the rotation vector, so 1e-9 rad reads
+    as such.
+    """
+    turn = T_estimated.rotation * T_exact.rotation.inv()
+    shift = np.asarray(T_estimated.translation) - np.asarray(T_exact.translation)
+    return PoseError(float(turn.magnitude()), float(np.linalg.norm(shift)))
+
+
+def is_success(error: PoseError | None, tolerance: Tolerance) -> bool:
+    """Whether an estimate exists and is within the tolerance; no estimate is no success."""
+    return (
+        error is not None
+        and np.rad2deg(error.rotation_rad) <= tolerance.rotation_deg
+        and error.translation_mm <= tolerance.translation_mm
+    )
+
+
+def six_parameters(T_target_source: RigidTransform) -> FloatArray:
+    """(6,) psi, phi, theta in degrees and x, y, z in mm, as the tables of chapter 6 list them.
+
+    R = Rz(theta) Ry(phi) Rx(psi), equations (4-6) and (4-7); the angles are the corrected (4-15) to
+    (4-17), which SciPy's "ZYX" gives.
+    """
+    theta, phi, psi = T_target_source.rotation.as_euler("ZYX", degrees=True)
+    return np.array([psi, phi, theta, *np.asarray(T_target_source.translation)])
+
+
+def pose_from_parameters(rotation_deg: FloatArray, translation_mm: FloatArray) -> RigidTransform:
+    """The pose whose psi, phi, theta (about X, Y, Z, degrees) and translation (mm) are given.
+
+    The inverse of `six_parameters`, equations (4-6) and (4-7).
+    """
+    psi, phi, theta = rotation_deg
+    rotation = Rotation.from_euler("ZYX", [theta, phi, psi], degrees=True)
+    return RigidTransform.from_components(np.asarray(translation_mm, dtype=np.float64), rotation)
+
+
+def parameter_errors(exact: FloatArray, estimated: FloatArray) -> FloatArray:
+    """(6,) estimated minus exact, the three angles in degrees wrapped to (-180, 180]."""
+    difference = np.asarray(estimated, dtype=np.float64) - np.asarray(exact, dtype=np.float64)
+    difference[:3] = 180.0 - np.mod(180.0 - difference[:3], 360.0)
+    return difference
+
+
+def wilson_interval(
+    successes: int, trials: int, z: float = 1.959963984540054
+) -> tuple[float, float]:
+    """Wilson's interval of a success rate, 95 % by default; (0, 1) when there was no trial.
+
+    Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
+    """
+    if not 0 <= successes <= trials:
+        raise ValueError(
+            f"{successes} successes of {trials} trials; expected 0 <= successes <= trials"
+        )
+    if trials == 0:
+        return 0.0, 1.0
+    rate = successes / trials
+    widening = z * z / trials
+    centre = (rate + widening / 2.0) / (1.0 + widening)
+    half = z / (1.0 + widening) * np.sqrt(rate * (1.0 - rate) / trials + widening / (4.0 * trials))
+    low = 0.0 if successes == 0 else max(0.0, centre - half)
+    high = 1.0 if successes == trials else min(1.0, centre + half)
+    return float(low), float(high)
