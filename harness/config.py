@@ -1,0 +1,306 @@
+"""What an experiment's YAML file may say; the only place that reads YAML."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
+
+from harness.config_errors import ConfigError, Key, first_problem, nearest
+
+Length = Annotated[float, Field(gt=0.0)]
+Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
+Vector = tuple[float, float, float]
+Angles = tuple[Angle, Angle, Angle]
+RotationLabels = Literal["printed", "swapped", "cyclic"]
+Truth = Literal["segments", "patches", "rotation"]
+
+
+class Strict(BaseModel):
+    """A part of a configuration: no unknown keys, no silent conversions, never changed."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Choice(Strict):
+    """An entry of a registry (SCENES, SENSORS) and its parameters, checked by its dataclass."""
+
+    name: str
+    params: dict[str, Any] = Field(default_factory=dict)
+
+
+class MethodChoice(Choice):
+    """A registration method; a preset of its parameters that `params` may refine.
+
+    given: for method `thesis`, trials that enter the method with the truth in place of these
+        stages, tabulated beside the full pipeline.
+    """
+
+    preset: str | None = None
+    label: str | None = None
+    given: tuple[Truth, ...] = ()
+
+
+class ScanSize(Strict):
+    """Profiles a view, and the sensor's motion between two of them."""
+
+    profiles: int = Field(ge=1, le=10_000)
+    step_mm: Length
+
+
+class AimedView(Strict):
+    """A view by what the middle of its line looks at."""
+
+    aim_mm: Vector
+    distance_mm: Length
+    yaw_deg: Angle = 0.0
+    pitch_deg: Angle = 0.0
+    roll_deg: Angle = 0.0
+
+
+class PlacedView(Strict):
+    """A view placed so that the exact pose of a pair is the one printed for it."""
+
+    placed_by: str
+
+
+class RelativeView(Strict):
+    """A view by its pose in the frame of another: p_other = R p_this + T.
+
+    rotation_deg: psi, phi, theta about the sensor's X, Y, Z, as in (4-6).
+    """
+
+    relative_to: str
+    rotation_deg: Angles
+    translation_mm: Vector
+
+
+def _kind_of_view(data: Any) -> str:
+    keys = data if isinstance(data, Mapping) else vars(data) if hasattr(data, "__dict__") else {}
+    if "placed_by" in keys:
+        return "placed"
+    return "relative" if "relative_to" in keys else "aimed"
+
+
+View = Annotated[
+    Annotated[AimedView, Tag("aimed")]
+    | Annotated[PlacedView, Tag("placed")]
+    | Annotated[RelativeView, Tag("relative")],
+    Discriminator(_kind_of_view),
+]
+
+
+class PrintedPose(Strict):
+    """A pose as a table of the thesis prints it, the angles in the order of its labels X, Y, Z."""
+
+    rotation_deg: Angles
+    translation_mm: Vector
+
+
+class Pair(Strict):
+    """Two views to register; what the thesis printed for them, if it did.
+
+    printed: its theoretical values. estimated: its experimental results.
+    """
+
+    source: str
+    target: str
+    printed: PrintedPose | None = None
+    estimated: PrintedPose | None = None
+
+
+class Experiment(Strict):
+    """One experiment: a scene, a sensor, views, pairs of them, methods and repeats.
+
+    rotation_labels: how the labels of the printed angles are read (the tables 6.2 to 6.5 name
+        another axis than the one that was turned): printed, swapped (X and Z) or cyclic.
+    """
+
+    title: str
+    description: str = ""
+    scene: Choice
+    sensor: Choice
+    scan: ScanSize
+    rotation_labels: RotationLabels = "printed"
+    views: dict[str, View] = Field(min_length=1)
+    pairs: dict[str, Pair] = Field(min_length=1)
+    methods: tuple[MethodChoice, ...] = Field(min_length=1)
+    repeats: int = Field(default=1, ge=1, le=100_000)
+    seed: int = Field(default=0, ge=0)
+
+
+class _Loader(yaml.SafeLoader):
+    """The safe loader, refusing a key that is written twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[Any] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)  # type: ignore[no-untyped-call]  # types-PyYAML leaves it untyped
+            line = key_node.start_mark.line + 1
+            if not isinstance(key, str):
+                raise yaml.MarkedYAMLError(
+                    problem=f"key {key!r} in line {line} is no text; write it in quotes"
+                )
+            if key in seen:
+                raise yaml.MarkedYAMLError(
+                    problem=f"key {key!r} is written twice, again in line {line}"
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+# YAML 1.1 takes 1e-3 for text, since it has no dot; everybody means the number.
+_Loader.add_implicit_resolver(  # type: ignore[no-untyped-call]  # types-PyYAML leaves it untyped
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+"), list("-+0123456789")
+)
+
+
+def load_experiment(
+    path: Path, overrides: Sequence[str] = (), seed: int | None = None
+) -> Experiment:
+    """Read, override and check an experiment; raises ConfigError with one line.
+
+    overrides: "dotted.key=value", the value in YAML, applied before anything is checked.
+    seed: replaces the file's.
+    """
+    data = read_mapping(path)
+    for override in overrides:
+        _apply(data, override, path)
+    if seed is not None:
+        data["seed"] = seed
+    experiment: Experiment = validated(Experiment, data, path)
+    _check_names(experiment, path)
+    return experiment
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """The mapping that a YAML file holds, unchecked but for duplicate keys; raises ConfigError."""
+    try:
+        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        beside = sorted(p.stem for p in path.parent.glob("*.yaml")) if path.parent.is_dir() else []
+        reason = error.strerror or "cannot be read"
+        hint = f"; {nearest(path.stem, beside)}" if beside else ""
+        raise ConfigError(path, (), f"{reason[0].lower()}{reason[1:]}{hint}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(path, (), "is not a text file in UTF-8") from None
+    except yaml.YAMLError as error:
+        raise ConfigError(path, (), f"is not valid YAML: {_one_line(error)}") from None
+    if not isinstance(data, dict):
+        raise ConfigError(path, (), "should hold keys and values; see the files in configs/")
+    return data
+
+
+def validated(model: Any, data: Any, file: Path | str, key: Key = ()) -> Any:
+    """The data as an instance of a pydantic model, without lax conversions; raises ConfigError."""
+    try:
+        text = json.dumps(data, allow_nan=False)
+    except (TypeError, ValueError):
+        where, value = next(_not_json(data, key))
+        raise ConfigError(file, where, f"should be text or a finite number, not {value}") from None
+    try:
+        return model.model_validate_json(text, strict=True)
+    except ValidationError as error:
+        inner, message = first_problem(error, model)
+        raise ConfigError(file, (*key, *inner), message) from None
+
+
+def dump_yaml(data: Any) -> str:
+    """Plain data as YAML, keys in the given order."""
+    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=100)
+    return text
+
+
+def _not_json(data: Any, key: Key) -> Iterator[tuple[Key, Any]]:
+    """What YAML can write and JSON can't, dates and infinities, with their keys."""
+    if isinstance(data, dict):
+        for name, value in data.items():
+            yield from _not_json(value, (*key, name))
+    elif isinstance(data, list):
+        for index, value in enumerate(data):
+            yield from _not_json(value, (*key, index))
+    elif isinstance(data, float):
+        if not math.isfinite(data):
+            yield key, data
+    elif not isinstance(data, str | int | None):
+        yield key, data
+
+
+def _one_line(error: yaml.YAMLError) -> str:
+    if isinstance(error, yaml.MarkedYAMLError):
+        where = f" (line {error.problem_mark.line + 1})" if error.problem_mark else ""
+        return f"{error.problem}{where}"
+    return " ".join(str(error).split())
+
+
+def _apply(data: dict[str, Any], override: str, path: Path) -> None:
+    """Set one dotted key; names that themselves hold dots ("6.4") are matched against the file."""
+    dotted, equals, text = override.partition("=")
+    if not equals or not dotted:
+        raise ConfigError(
+            path, (), f"--set {override!r} should read key=value, as scan.profiles=40"
+        )
+    try:
+        value = yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise ConfigError(path, (dotted,), f"--set: {_one_line(error)}") from None
+    here: Any = data
+    parts = dotted.split(".")
+    while parts:
+        width = _matching_width(here, parts)
+        name, parts = ".".join(parts[:width]), parts[width:]
+        if isinstance(here, list):
+            if not (name.isdecimal() and int(name) < len(here)):
+                raise ConfigError(
+                    path, (dotted,), f"--set: {name!r} is no index from 0 to {len(here) - 1}"
+                )
+            index: Any = int(name)
+        elif isinstance(here, dict):
+            index = name
+            if parts:
+                here.setdefault(name, {})
+        else:
+            raise ConfigError(path, (dotted,), f"--set: nothing called {name!r} can lie in a value")
+        if parts:
+            here = here[index]
+        else:
+            here[index] = value
+
+
+def _matching_width(here: Any, parts: list[str]) -> int:
+    if isinstance(here, dict):
+        for width in range(len(parts), 1, -1):
+            if ".".join(parts[:width]) in here:
+                return width
+    return 1
+
+
+def _check_names(experiment: Experiment, path: Path) -> None:
+    """Every view and pair that is referred to exists, and labels are told apart."""
+    for name, pair in experiment.pairs.items():
+        for role in ("source", "target"):
+            view = getattr(pair, role)
+            if view not in experiment.views:
+                raise ConfigError(
+                    path,
+                    ("pairs", name, role),
+                    f"unknown view {view!r}; {nearest(view, experiment.views)}",
+                )
+        if pair.source == pair.target:
+            raise ConfigError(path, ("pairs", name), "source and target are the same view")
+    labels: set[str] = set()
+    for index, method in enumerate(experiment.methods):
+        label = method.label or method.name
+        if label in labels:
+            raise ConfigError(
+                path,
+                ("methods", index, "label"),
+                f"{label!r} names two methods; give each a label of its own",
+            )
+        labels.add(label)
