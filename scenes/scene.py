@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# The one body that carries every geom, so that a whole scene is moved by moving it.
+BODY = "scene"
+
+# Red, green and blue of a picture, for each material a surface can be made of.
+MATERIALS: dict[str, tuple[float, float, float]] = {
+    "rough_foam": (0.55, 0.56, 0.58),
+    "white_paper": (0.95, 0.94, 0.90),
+    "matt_plastic": (0.80, 0.77, 0.68),
+    "specular_plastic": (0.25, 0.30, 0.36),
+    "wood": (0.76, 0.58, 0.38),
+    "fabric": (0.62, 0.35, 0.27),
+    "metal": (0.62, 0.68, 0.74),
+}
 
 
 @dataclass(frozen=True)
@@ -18,6 +33,7 @@ class Surface:
 
     polygon_m: (k, 3) corners in world coordinates, counter-clockwise seen from outside.
     geom: name of the MuJoCo geom that the face belongs to.
+    material: a key of MATERIALS.
     """
 
     name: str
@@ -28,16 +44,18 @@ class Surface:
     @property
     def normal(self) -> FloatArray:
         """(3,) unit normal that points out of the object (Newell's method)."""
-        following = np.roll(self.polygon_m, -1, axis=0)
-        area_vector = np.cross(self.polygon_m, following).sum(axis=0)
+        # About the centroid: far from the origin the cross products would cancel badly.
+        corners = self.polygon_m - self.polygon_m.mean(axis=0)
+        area_vector = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
         unit: FloatArray = area_vector / np.linalg.norm(area_vector)
         return unit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # equal only to itself: an MjSpec cannot be compared
 class Scene:
-    """A named arrangement of objects, in metres, Z up.
+    """A named arrangement of objects, in metres, Z up; to be read, never altered.
 
+    spec: every geom is a child of the body named BODY; build scenes with scenes.solids.assemble.
     symmetries: world poses other than the identity that map the scene onto itself; translations
         in mm, as every pose of this project.
     """
@@ -46,3 +64,21 @@ class Scene:
     spec: mujoco.MjSpec
     surfaces: tuple[Surface, ...]
     symmetries: tuple[RigidTransform, ...] = field(default=())
+
+
+def moved(scene: Scene, T_world: RigidTransform) -> Scene:
+    """Carry everything in the scene by a world pose (mm): geoms, surfaces and symmetries."""
+    spec = scene.spec.copy()
+    body = spec.body(BODY)
+    T_body = RigidTransform.from_components(
+        1000.0 * body.pos, Rotation.from_quat(body.quat, scalar_first=True)
+    )
+    T_moved = T_world * T_body
+    body.pos = T_moved.translation / 1000.0
+    body.quat = T_moved.rotation.as_quat(scalar_first=True)
+    surfaces = tuple(
+        replace(surface, polygon_m=T_world.apply(1000.0 * surface.polygon_m) / 1000.0)
+        for surface in scene.surfaces
+    )
+    symmetries = tuple(T_world * symmetry * T_world.inv() for symmetry in scene.symmetries)
+    return Scene(scene.name, spec, surfaces, symmetries)
