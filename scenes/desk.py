@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from scenes.scene import Scene
-from scenes.solids import assemble, box, prism, turned
+from scenes.solids import assemble, box, frustum, prism, turned
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,28 @@ def desk(params: DeskParams) -> Scene:
             box("stem", [0.03, 0.06, 0.12], [0.07, 0.049, 0.015], turned(12.0)),
             box(
                 "monitor",
-                [0.035, 0.25, 0.20],
+                [0.035, 0.24, 0.18],
                 [0.03, 0.042, 0.085],
                 turned(12.0, 14.0),
                 "specular_plastic",
             ),
-            box("left_speaker", [0.10, 0.09, 0.25], [0.10, 0.245, 0.0], turned(37.0)),
-            box("right_speaker", [0.08, 0.09, 0.25], [0.10, -0.115, 0.0], turned(-47.0)),
+            prism(
+                "left_speaker",
+                [(-0.06, 0.0), (0.06, 0.0), (0.06, 0.24), (0.0, 0.24)],
+                0.10,
+                [0.09, 0.235, 0.0],
+                turned(27.0),
+                labels=["bottom", "back", "top", "front"],
+            ),
+            frustum(
+                "right_speaker",
+                [(-0.055, -0.055), (0.055, -0.055), (0.055, 0.055), (-0.055, 0.055)],
+                0.27,
+                [0.085, -0.118, 0.0],
+                turned(-52.0),
+                labels=["right", "back", "left", "front"],
+                top_scale=0.35,
+            ),
             prism(
                 "keyboard",
                 [(-0.07, 0.0), (0.07, 0.0), (0.07, 0.036), (-0.07, 0.012)],

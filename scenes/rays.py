@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
@@ -48,55 +49,73 @@ def ray_target(scene: Scene) -> RayTarget:
     return target
 
 
-def cast_fans(
-    scene: Scene, origins_m: FloatArray, directions: FloatArray
+def cast_rays(
+    scene: Scene, origins_m: FloatArray, directions: FloatArray, fan: IntArray
 ) -> tuple[FloatArray, IntArray]:
-    """Cast several fans of rays, each fan from its own origin.
+    """Cast rays that leave from a few origins: fans of rays.
 
     origins_m: (fans, 3) in world coordinates, outside of every solid.
-    directions: (fans, rays, 3), of any length.
-    Returns the distance (fans, rays) in units of the length of each direction, NaN for a ray that
-    meets nothing, and the surface (fans, rays) as an index into scene.surfaces, -1 for none.
+    directions: (n, 3), of any length.
+    fan: (n,) the origin of each ray, in ascending order: MuJoCo is called once a fan.
+    Returns the distance (n,) in units of the length of each direction, NaN for a ray that meets
+    nothing, and the surface (n,) as an index into scene.surfaces, -1 for none.
 
     MuJoCo finds the face, and the distance is then taken from the face's exact plane: meshes are
-    stored in single precision, which would cost up to 1e-5 mm.
+    stored in single precision, which would cost up to 1e-4 mm.
     """
     target = ray_target(scene)
-    fans, rays = directions.shape[:2]
-    geom = np.empty((fans, rays), dtype=np.int32)
-    distance = np.empty((fans, rays))
-    normal = np.empty((fans, rays, 3))
+    n = len(directions)
+    geom = np.full(n, -1, dtype=np.int32)
+    normal = np.zeros((n, 3))
+    distance = np.empty(n)
     vectors = np.ascontiguousarray(directions, dtype=np.float64)
-    for k in range(fans):
+    ends = np.searchsorted(fan, np.arange(len(origins_m) + 1)).tolist()
+    for k, (first, end) in enumerate(itertools.pairwise(ends)):
+        if first == end:
+            continue
         mujoco.mj_multiRay(
             target.model,
             target.data,
             origins_m[k],
-            vectors[k].reshape(-1),
+            vectors[first:end].reshape(-1),
             None,  # every geom group
             True,  # static geoms too: all of ours are
             -1,  # exclude no body
-            geom[k],
-            distance[k],
-            normal[k].reshape(-1),
-            rays,
+            geom[first:end],
+            distance[first:end],
+            normal[first:end].reshape(-1),
+            end - first,
             mujoco.mjMAXVAL,
         )
     surface = _face_met(target, geom, normal)
     plane = target.normal[surface]
-    ahead = np.einsum("fri,fri->fr", plane, vectors)
-    height_m = target.offset_m[surface] - np.einsum("fri,fi->fr", plane, origins_m)
-    return height_m / ahead, surface
+    height_m = target.offset_m[surface] - np.einsum("ni,ni->n", plane, origins_m[fan])
+    return height_m / np.einsum("ni,ni->n", plane, vectors), surface
+
+
+def cast_fans(
+    scene: Scene, origins_m: FloatArray, directions: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Cast fans of equally many rays: cast_rays with directions (fans, rays, 3).
+
+    Returns distance and surface, both (fans, rays).
+    """
+    fans, rays = directions.shape[:2]
+    fan = np.repeat(np.arange(fans), rays)
+    distance, surface = cast_rays(scene, origins_m, directions.reshape(-1, 3), fan)
+    return distance.reshape(fans, rays), surface.reshape(fans, rays)
 
 
 def _face_met(target: RayTarget, geom: NDArray[np.int32], normal: FloatArray) -> IntArray:
     """The face of the geom whose outward normal is nearest to the one MuJoCo reports."""
-    candidates = target.surface_of_geom[geom]
-    likeness = np.einsum("frci,fri->frc", target.normal[candidates], normal)
-    best = np.nan_to_num(likeness, nan=-2.0).argmax(axis=2)
-    surface = np.take_along_axis(candidates, best[..., None], axis=2)[..., 0]
-    none = len(target.normal) - 1
-    return np.where(surface == none, -1, surface)
+    surface = np.full(len(geom), -1)
+    best = np.full(len(geom), -np.inf)
+    for faces in target.surface_of_geom.T:
+        candidate = faces[geom]
+        likeness = np.einsum("ni,ni->n", target.normal[candidate], normal)
+        nearer = likeness > best  # False where there is no further face: its normal is NaN
+        surface[nearer], best[nearer] = candidate[nearer], likeness[nearer]
+    return surface
 
 
 def _compile(scene: Scene) -> RayTarget:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from registration.scan import FloatArray, IntArray, Scan
-from scenes.rays import cast_fans
+from scenes.rays import cast_fans, ray_target
 from scenes.scene import Scene
 from sensors.noise import NoiseParams, measured_depth
 from sensors.paths import ViewPath
@@ -94,10 +94,9 @@ class Jupiter:
         depth_mm, surface = self._cast(scene, path)
         T_view_profile = path.T_world_view.inv() * path.T_world_profile
         in_profile = self._points(depth_mm)
-        points_mm = np.einsum("kij,krj->kri", T_view_profile.rotation.as_matrix(), in_profile)
+        points_mm = in_profile @ T_view_profile.rotation.as_matrix().transpose(0, 2, 1)
         points_mm += T_view_profile.translation[:, None, :]
-        outward = np.array([s.normal for s in scene.surfaces] + [[np.nan] * 3])
-        normal = path.T_world_view.rotation.inv().apply(outward)[surface]
+        normal = path.T_world_view.rotation.inv().apply(ray_target(scene).normal)[surface]
         return Hits(points_mm, surface, normal)
 
     def scan(self, scene: Scene, path: ViewPath, rng: np.random.Generator) -> Scan:
@@ -119,7 +118,7 @@ class Jupiter:
         slopes = lateral_slopes(params)
         fan = np.stack([np.zeros_like(slopes), slopes, np.ones_like(slopes)], axis=1)
         # A ray that advances one unit in depth is (0, slope, 1): distances come out as depths.
-        directions = np.einsum("kij,rj->kri", path.T_world_profile.rotation.as_matrix(), fan)
+        directions = fan @ path.T_world_profile.rotation.as_matrix().transpose(0, 2, 1)
         apexes_mm = path.T_world_profile.apply(self.apex_mm)
         depth_m, surface = cast_fans(scene, apexes_mm / 1000.0, directions)
         depth_mm = 1000.0 * depth_m - params.apex_depth_mm

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from registration.scan import FloatArray, IntArray
-from scenes.rays import cast_fans
+from scenes.rays import cast_rays
 from scenes.scene import Scene
 from sensors.jupiter import Jupiter
 from sensors.paths import ViewPath
@@ -31,33 +31,35 @@ def seen(
     """Whether a view sees each point: in its swept field and range, and not occluded.
 
     points_mm: (n, 3) world coordinates on the scene's surfaces; surface: (n,) index of each.
-    The field is taken as swept without gaps: between two profiles a point is looked at from
-    between them, and the sweep ends half a step beyond the first and the last profile.
+    The field is taken as swept without gaps: a point between two profiles is looked at from the
+    nearer one, and the sweep ends half a step beyond the first and the last profile.
     """
     params = sensor.params
     profile, x_mm = _nearest_profile(path, points_mm)
-    T_world_profile = path.T_world_profile[profile]
-    local_mm = T_world_profile.inv().apply(points_mm)
+    local_mm = path.T_world_profile[profile].inv().apply(points_mm)
     depth_mm = local_mm[:, 2] + params.apex_depth_mm
     inside = (np.abs(x_mm) <= 0.5 * path.step_mm) & (depth_mm > 0.0)
     inside &= np.abs(local_mm[:, 1]) <= params.edge_slope * (1.0 + 1e-9) * depth_mm
     if params.range_limits:
         inside &= (local_mm[:, 2] >= params.near_mm) & (local_mm[:, 2] <= params.far_mm)
     chosen = np.flatnonzero(inside)
-    if len(chosen) == 0:
-        return inside
-    apex_mm = np.repeat(sensor.apex_mm[None], len(chosen), axis=0)
-    apex_mm[:, 0] = x_mm[chosen]
-    apex_mm = T_world_profile[chosen].apply(apex_mm)
-    distance, met = cast_fans(scene, apex_mm / 1000.0, (points_mm[chosen] - apex_mm)[:, None] / 1e3)
+    chosen = chosen[np.argsort(profile[chosen], kind="stable")]
+    apexes_mm = path.T_world_profile.apply(sensor.apex_mm)
+    rays_mm = points_mm[chosen] - apexes_mm[profile[chosen]]
+    # In units of the ray's length the point itself is at distance 1.
+    distance, met = cast_rays(scene, apexes_mm / 1000.0, rays_mm / 1000.0, profile[chosen])
     # A ray at the very edge of a face may meet the neighbour that shares the edge.
-    inside[chosen] = (met[:, 0] == surface[chosen]) | (np.abs(distance[:, 0] - 1.0) < 1e-9)
+    inside[chosen] = (met == surface[chosen]) | (np.abs(distance - 1.0) < 1e-9)
     return inside
 
 
 def _nearest_profile(path: ViewPath, points_mm: FloatArray) -> tuple[IntArray, FloatArray]:
     """The profile whose plane is nearest to each point, and the point's X in its frame."""
     along = path.T_world_profile.rotation.as_matrix()[:, :, 0]
-    x_mm = points_mm @ along.T - np.einsum("ki,ki->k", along, path.T_world_profile.translation)
-    profile = np.abs(x_mm).argmin(axis=1)
-    return profile, np.take_along_axis(x_mm, profile[:, None], axis=1)[:, 0]
+    offset_mm = np.einsum("ki,ki->k", along, path.T_world_profile.translation)
+    profile = np.empty(len(points_mm), dtype=np.int64)
+    for first in range(0, len(points_mm), 1024):  # in blocks that stay in the processor's cache
+        block = slice(first, first + 1024)
+        profile[block] = np.abs(points_mm[block] @ along.T - offset_mm).argmin(axis=1)
+    x_mm = np.einsum("ni,ni->n", points_mm, along[profile]) - offset_mm[profile]
+    return profile, x_mm
