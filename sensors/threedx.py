@@ -1,0 +1,279 @@
+"""Files of the Jupiter's own software (*.3dx): read, write, and turn into scans and back.
+
+Thesis, appendix A, little-endian and packed. A header of 30 bytes,
+
+    "SRI3DX", u8 version, 5 u16 CPU version, 4 u16 WinUser version,
+    u16 profiles, u16 unit, u8 content
+
+then for each profile u16 pixels, u8 direction and that many (i16 Y', i16 Z', u8 intensity) in
+0.1 mm, -32768 where nothing was measured. The thesis gives the WinUser version as "4*unsigned
+short (8 bits)", which contradicts itself: headers of 26 bytes, with four u8 there, are read too.
+The width is the one with which the profile table ends where the file ends (30 bytes if both do).
+The thesis does not explain unit, content and direction; they are kept and not interpreted.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from registration.scan import Scan
+
+MAGIC = b"SRI3DX"
+NO_MEASUREMENT = -32768
+JUPITER_PIXELS = (256, 512)
+OFFSET_Y_TENTH_MM = -389  # (3-2)
+OFFSET_Z_TENTH_MM = 13896  # (3-3)
+X_TOLERANCE_MM = 0.05  # half of what the file could resolve, had it an X
+
+_WIDE = struct.Struct("<6sB5H4HHHB")
+_NARROW = struct.Struct("<6sB5H4BHHB")
+_PROFILE_HEAD = struct.Struct("<HB")
+_PIXEL = np.dtype([("y", "<i2"), ("z", "<i2"), ("intensity", "u1")])
+
+Shorts = NDArray[np.int16]
+Bytes = NDArray[np.uint8]
+
+
+class ThreeDxError(ValueError):
+    """The bytes are no .3dx file, or a scan cannot be stored as one; the message says where."""
+
+
+@dataclass(frozen=True)
+class RawProfiles:
+    """What a .3dx file holds, unconverted.
+
+    y_tenth_mm, z_tenth_mm: (profiles, pixels) Y' and Z' of section 3.2.2 in 0.1 mm, NO_MEASUREMENT
+        where nothing was measured.
+    intensity: (profiles, pixels).
+    direction: (profiles,).
+    narrow: the WinUser version takes four bytes instead of four shorts.
+    """
+
+    y_tenth_mm: Shorts
+    z_tenth_mm: Shorts
+    intensity: Bytes
+    direction: Bytes
+    version: int = 1
+    cpu_version: tuple[int, int, int, int, int] = (0, 0, 0, 0, 0)
+    winuser_version: tuple[int, int, int, int] = (0, 0, 0, 0)
+    unit: int = 1
+    content: int = 0
+    narrow: bool = False
+
+
+@dataclass(frozen=True)
+class _Layout:
+    header: struct.Struct
+    profiles: int
+    pixels: int
+
+    @property
+    def profile_bytes(self) -> int:
+        return _PROFILE_HEAD.size + self.pixels * _PIXEL.itemsize
+
+    @property
+    def end(self) -> int:
+        return self.header.size + self.profiles * self.profile_bytes
+
+    def table_dtype(self) -> np.dtype[np.void]:
+        return np.dtype([("pixels", "<u2"), ("direction", "u1"), ("pixel", _PIXEL, (self.pixels,))])
+
+
+def read(path: str | PathLike[str]) -> RawProfiles:
+    """Read a .3dx file; raises ThreeDxError with path and offset, OSError where none opens.
+
+    The size is checked against the header before the profiles are read.
+    """
+    with Path(path).open("rb") as stream:
+        try:
+            return decode(stream)
+        except ThreeDxError as error:
+            raise ThreeDxError(f"{path}: {error}") from None
+
+
+def write(path: str | PathLike[str], raw: RawProfiles) -> None:
+    """Write a .3dx file; raises ThreeDxError where a field does not fit the format."""
+    Path(path).write_bytes(encode(raw))
+
+
+def decode(stream: BinaryIO) -> RawProfiles:
+    """Decode a seekable stream from its start to its end; raises ThreeDxError naming the offset.
+
+    Every profile must have as many pixels as the first: a scan's index is the beam.
+    """
+    size = stream.seek(0, 2)
+    stream.seek(0)
+    layout, head = _layout(stream, size)
+    stream.seek(layout.header.size)
+    table = np.frombuffer(stream.read(layout.end - layout.header.size), layout.table_dtype())
+    differing = np.flatnonzero(table["pixels"] != layout.pixels)
+    if differing.size:
+        k = int(differing[0])
+        raise ThreeDxError(
+            f"offset {layout.header.size + k * layout.profile_bytes}: profile {k} has "
+            f"{table['pixels'][k]} pixels; expected {layout.pixels}, as in profile 0"
+        )
+    fields = layout.header.unpack(head[: layout.header.size])
+    return RawProfiles(
+        y_tenth_mm=table["pixel"]["y"].astype(np.int16),
+        z_tenth_mm=table["pixel"]["z"].astype(np.int16),
+        intensity=table["pixel"]["intensity"].copy(),
+        direction=table["direction"].copy(),
+        version=fields[1],
+        cpu_version=fields[2:7],
+        winuser_version=fields[7:11],
+        unit=fields[12],
+        content=fields[13],
+        narrow=layout.header is _NARROW,
+    )
+
+
+def encode(raw: RawProfiles) -> bytes:
+    """Return the bytes of a .3dx file; raises ThreeDxError where a field does not fit."""
+    shape = raw.y_tenth_mm.shape
+    if len(shape) != 2 or 0 in shape or max(shape) > 0xFFFF:
+        raise ThreeDxError(f"y_tenth_mm has shape {shape}; expected 1 to 65535 profiles and pixels")
+    if raw.z_tenth_mm.shape != shape or raw.intensity.shape != shape:
+        raise ThreeDxError(
+            f"z_tenth_mm and intensity have shapes {raw.z_tenth_mm.shape} and "
+            f"{raw.intensity.shape}; expected {shape}"
+        )
+    if raw.direction.shape != shape[:1]:
+        raise ThreeDxError(f"direction has shape {raw.direction.shape}; expected {shape[:1]}")
+    layout = _Layout(_NARROW if raw.narrow else _WIDE, *shape)
+    table = np.zeros(shape[0], layout.table_dtype())
+    table["pixels"] = layout.pixels
+    table["direction"] = raw.direction
+    table["pixel"]["y"] = raw.y_tenth_mm
+    table["pixel"]["z"] = raw.z_tenth_mm
+    table["pixel"]["intensity"] = raw.intensity
+    try:
+        head = layout.header.pack(
+            MAGIC,
+            raw.version,
+            *raw.cpu_version,
+            *raw.winuser_version,
+            shape[0],
+            raw.unit,
+            raw.content,
+        )
+    except struct.error as error:
+        raise ThreeDxError(f"a number of the header does not fit its field: {error}") from None
+    data = head + table.tobytes()
+    if raw.narrow and _fitting(data[: _WIDE.size + _PROFILE_HEAD.size], len(data), _WIDE):
+        raise ThreeDxError("this narrow header would be read back as a wide one; write a wide one")
+    return data
+
+
+def to_scan(raw: RawProfiles, step_mm: float) -> Scan:
+    """Return the profiles as a scan in the sensor frame, by (3-2) and (3-3).
+
+    step_mm: distance along X between profiles (XSTEP), which the file does not hold. The scan's
+    intensity is 0 to 255. Raises ScanError for a bad step.
+    """
+    y_raw, z_raw = raw.y_tenth_mm.astype(np.float64), raw.z_tenth_mm.astype(np.float64)
+    points_mm = np.empty((*y_raw.shape, 3))
+    points_mm[..., 0] = step_mm * np.arange(y_raw.shape[0])[:, None]
+    # Tenths are subtracted before the division, so that every value is the double nearest to it.
+    points_mm[..., 1] = (OFFSET_Y_TENTH_MM - y_raw) / 10.0
+    points_mm[..., 2] = (OFFSET_Z_TENTH_MM - z_raw) / 10.0
+    points_mm[(y_raw == NO_MEASUREMENT) | (z_raw == NO_MEASUREMENT)] = np.nan
+    return Scan.from_points(points_mm, step_mm, intensity=raw.intensity)
+
+
+def from_scan(scan: Scan) -> RawProfiles:
+    """Return a scan as a file holds it, rounded to 0.1 mm, by (3-2) and (3-3).
+
+    Without intensity, 0 is written. Raises ThreeDxError where a point lies beyond the 16 bits, an
+    intensity beyond 0 to 255, or a profile not at its multiple of step_mm (a file has no X).
+    """
+    valid = scan.valid
+    profiles, pixels = valid.shape
+    planned_mm = scan.step_mm * np.arange(profiles)[:, None]
+    off_plane = valid & (np.abs(scan.points_mm[..., 0] - planned_mm) > X_TOLERANCE_MM)
+    if off_plane.any():
+        k, i = np.argwhere(off_plane)[0]
+        raise ThreeDxError(
+            f"profile {k}, pixel {i} has x = {scan.points_mm[k, i, 0]:.3f} mm; a .3dx file holds "
+            f"no x, so every point must lie at profile * step_mm = {planned_mm[k, 0]:.3f} mm"
+        )
+    y_raw = _tenths(OFFSET_Y_TENTH_MM, scan.points_mm[..., 1], valid, "y")
+    z_raw = _tenths(OFFSET_Z_TENTH_MM, scan.points_mm[..., 2], valid, "z")
+    brightness = np.zeros((profiles, pixels), np.uint8)
+    if scan.intensity is not None:
+        level = np.rint(np.nan_to_num(scan.intensity, nan=0.0))
+        if (beyond := (level < 0) | (level > 255)).any():
+            k, i = np.argwhere(beyond)[0]
+            raise ThreeDxError(
+                f"profile {k}, pixel {i} has intensity {scan.intensity[k, i]:g}; expected 0 to 255"
+            )
+        brightness = level.astype(np.uint8)
+    return RawProfiles(y_raw, z_raw, brightness, np.zeros(profiles, np.uint8))
+
+
+def _tenths(
+    offset: int, values_mm: NDArray[np.float64], valid: NDArray[np.bool_], axis: str
+) -> Shorts:
+    raw = offset - np.rint(np.where(valid, values_mm, 0.0) * 10.0)
+    beyond = valid & (np.abs(raw) > 32767)
+    if beyond.any():
+        k, i = np.argwhere(beyond)[0]
+        raise ThreeDxError(
+            f"profile {k}, pixel {i} has {axis} = {values_mm[k, i]:g} mm; a .3dx file holds "
+            f"{(offset - 32767) / 10:g} to {(offset + 32767) / 10:g} mm"
+        )
+    return np.where(valid, raw, NO_MEASUREMENT).astype(np.int16)
+
+
+def _layout(stream: BinaryIO, size: int) -> tuple[_Layout, bytes]:
+    """Find the header's width by the size of the file; return it with the first bytes."""
+    head = stream.read(_WIDE.size + _PROFILE_HEAD.size)
+    if head[: len(MAGIC)] != MAGIC[: len(head)]:
+        raise ThreeDxError(f'offset 0: {head[: len(MAGIC)]!r}; a .3dx file starts with "SRI3DX"')
+    least = _NARROW.size + _PROFILE_HEAD.size + _PIXEL.itemsize
+    if size < least:
+        raise ThreeDxError(
+            f"offset {size}: the file ends after {size} bytes; the shortest has {least}"
+        )
+    for header in (_WIDE, _NARROW):
+        if layout := _fitting(head, size, header):
+            return layout, head
+    raise ThreeDxError(_misfit(head, size))
+
+
+def _announced(head: bytes, header: struct.Struct) -> _Layout | None:
+    if len(head) < header.size + _PROFILE_HEAD.size:
+        return None
+    return _Layout(
+        header, header.unpack_from(head)[11], _PROFILE_HEAD.unpack_from(head, header.size)[0]
+    )
+
+
+def _fitting(head: bytes, size: int, header: struct.Struct) -> _Layout | None:
+    layout = _announced(head, header)
+    return layout if layout and layout.profiles and layout.pixels and layout.end == size else None
+
+
+def _misfit(head: bytes, size: int) -> str:
+    """Say what is wrong, by the wide reading unless only the narrow one has a Jupiter's pixels."""
+    readings = [r for h in (_WIDE, _NARROW) if (r := _announced(head, h))]
+    best = next((r for r in readings if r.pixels in JUPITER_PIXELS), readings[0])
+    at_profiles, at_pixels = best.header.size - 5, best.header.size
+    if not best.profiles:
+        return f"offset {at_profiles}: 0 profiles; expected 1 to 65535"
+    if not best.pixels:
+        return f"offset {at_pixels}: profile 0 has 0 pixels; expected 1 to 65535"
+    announced = (
+        f"{best.profiles} profiles (offset {at_profiles}) of {best.pixels} pixels "
+        f"(offset {at_pixels}) end at {best.end}"
+    )
+    if size < best.end:
+        return f"offset {size}: the file ends here, but the announced {announced}"
+    return f"offset {best.end}: the announced {announced}, but the file has {size} bytes"
