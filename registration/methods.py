@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 from registration.result import RegistrationResult
 from registration.scan import Scan
+from registration.thesis.params import ThesisParams
+from registration.thesis.pipeline import register_scans
 
 MethodFunction = Callable[[Scan, Scan, Any], RegistrationResult]
 
@@ -23,7 +25,9 @@ class UnknownMethodError(ValueError):
     """No method of that name; the message lists those there are."""
 
 
-METHODS: dict[str, Method] = {}
+METHODS: dict[str, Method] = {
+    "thesis": Method(register_scans, ThesisParams),
+}
 
 
 def find_method(name: str) -> Method:
