@@ -141,7 +141,7 @@ class _Loader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[Any] = set()
         for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)  # type: ignore[no-untyped-call]  # types-PyYAML leaves it untyped
+            key = self.construct_object(key_node, deep=True)
             line = key_node.start_mark.line + 1
             if not isinstance(key, str):
                 raise yaml.MarkedYAMLError(
@@ -156,7 +156,7 @@ class _Loader(yaml.SafeLoader):
 
 
 # YAML 1.1 takes 1e-3 for text, since it has no dot; everybody means the number.
-_Loader.add_implicit_resolver(  # type: ignore[no-untyped-call]  # types-PyYAML leaves it untyped
+_Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+"), list("-+0123456789")
 )
 

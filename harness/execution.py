@@ -1,0 +1,197 @@
+"""One trial from its spec to its row: scan both views, register them, score the estimate."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+
+from harness import diagnosis
+from harness.pair_view import PairView
+from harness.scoring import exact_pose, pose_error
+from harness.store import Row, RowStatus
+from harness.trials import Trial, TrialSpec, ViewSpec, canonical_json
+from registration.methods import register
+from registration.result import RegistrationResult
+from registration.scan import Scan
+from registration.thesis.evidence import ViewEvidence
+from scenes import SCENES
+from scenes.scene import Scene
+from sensors import SENSORS
+from sensors.overlap import overlap
+
+T = TypeVar("T")
+
+# Below this share of common points two views have nothing to be registered by; it prints as 0 %.
+NO_OVERLAP = 0.005
+
+
+@dataclass
+class Recent:
+    """The last few results of costly steps, by key; of one process, as scans are large."""
+
+    size: int
+    entries: OrderedDict[str, Any] = field(default_factory=OrderedDict)
+
+    def get(self, key: str, make: Callable[[], T]) -> T:
+        """The kept result of this key, or a new one."""
+        if key not in self.entries:
+            self.entries[key] = make()
+            if len(self.entries) > self.size:
+                self.entries.popitem(last=False)
+        self.entries.move_to_end(key)
+        kept: T = self.entries[key]
+        return kept
+
+
+_scenes, _scans, _hits, _overlaps = Recent(4), Recent(12), Recent(8), Recent(256)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The row of a trial; the pair for the figures, where there is one to draw."""
+
+    row: Row
+    pair: PairView | None = None
+
+
+def perform(trial: Trial) -> Outcome:
+    """Run one trial; an exception becomes a row of status "error" with its traceback."""
+    try:
+        return _perform(trial)
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}".splitlines()[0]
+        trace = traceback.format_exc()
+        return Outcome(
+            Row(trial.id, canonical_json(trial.spec), "error", reason=reason, traceback=trace)
+        )
+
+
+def scan_view(spec: TrialSpec, view: ViewSpec) -> Scan:
+    """The scan of one view of a trial, made once for all trials of a process that share it."""
+
+    def make() -> Scan:
+        scan: Scan = _sensor(spec).scan(_scene(spec), spec.path(view), spec.view_rng(view))
+        return scan
+
+    return _scans.get(spec.view_key(view), make)
+
+
+def _perform(trial: Trial) -> Outcome:
+    spec = trial.spec
+    start = time.perf_counter()
+    target, source = scan_view(spec, spec.target), scan_view(spec, spec.source)
+    scanned = time.perf_counter()
+    shares = _shares(spec)
+    measured = time.perf_counter()
+    T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+    stage_ms = {"scan": 1e3 * (scanned - start), "overlap": 1e3 * (measured - scanned)}
+    row: dict[str, Any] = {
+        "id": trial.id,
+        "spec": canonical_json(spec),
+        "T_exact": T_exact,
+        "overlap_target": shares[0],
+        "overlap_source": shares[1],
+    }
+    if max(shares) < NO_OVERLAP and 0 not in (target.n_valid, source.n_valid):
+        reason = (
+            f"views {spec.source.name} and {spec.target.name} overlap by {max(shares):.0%}: "
+            "neither sees what the other measured, so no method can register them"
+        )
+        counts = {"points_target": target.n_valid, "points_source": source.n_valid}
+        return Outcome(
+            Row(**row, status="no_overlap", reason=reason, counts=counts, stage_ms=stage_ms)
+        )
+    result = _register(spec, target, source)
+    stage_ms |= result.stage_ms | {"registration": 1e3 * (time.perf_counter() - measured)}
+    error = None
+    if result.T_target_source is not None:
+        error = pose_error(T_exact, result.T_target_source)
+    status: RowStatus = result.status
+    return Outcome(
+        Row(
+            **row,
+            status=status,
+            reason=result.reason,
+            T_estimated=result.T_target_source,
+            rotation_error_deg=None if error is None else float(np.rad2deg(error.rotation_rad)),
+            translation_error_mm=None if error is None else error.translation_mm,
+            covariance=result.covariance,
+            undetermined=result.undetermined,
+            counts=_counts(target, source, result),
+            stage_ms=stage_ms,
+        ),
+        PairView(
+            pair=trial.pair,
+            scene=spec.scene.name,
+            target_view=spec.target.name,
+            source_view=spec.source.name,
+            method=trial.label,
+            repeat=spec.repeat,
+            target=target,
+            source=source,
+            T_target_source_exact=T_exact,
+            overlap=shares[1],
+            result=result,
+        ),
+    )
+
+
+def _register(spec: TrialSpec, target: Scan, source: Scan) -> RegistrationResult:
+    """Register by the method, or by `thesis` with the truth in place of one stage's result."""
+    if not spec.given:
+        return register(target, source, spec.method.name, spec.method.params)
+    if spec.given == "rotation":
+        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        return diagnosis.register_with_true_rotation(target, source, T_exact, spec.method.params)
+    enter = {
+        "segments": diagnosis.register_with_true_segments,
+        "patches": diagnosis.register_with_true_patches,
+    }[spec.given]
+    target_hits, source_hits = _view_hits(spec, spec.target), _view_hits(spec, spec.source)
+    apex_mm = _sensor(spec).apex_mm
+    return enter(target_hits, source_hits, spec.step_mm, apex_mm, spec.method.params)
+
+
+def _shares(spec: TrialSpec) -> tuple[float, float]:
+    """Exact share of the target's points that the source view sees too, and the reverse."""
+
+    def make() -> tuple[float, float]:
+        sensor, scene = _sensor(spec), _scene(spec)
+        target, source = spec.path(spec.target), spec.path(spec.source)
+        return overlap(sensor, scene, target, source), overlap(sensor, scene, source, target)
+
+    return _overlaps.get(spec.pair_key(), make)
+
+
+def _view_hits(spec: TrialSpec, view: ViewSpec) -> Any:
+    return _hits.get(
+        spec.place_key(view), lambda: _sensor(spec).hits(_scene(spec), spec.path(view))
+    )
+
+
+def _scene(spec: TrialSpec) -> Scene:
+    chosen = spec.scene
+    return _scenes.get(canonical_json(chosen), lambda: SCENES[chosen.name].builder(chosen.params))
+
+
+def _sensor(spec: TrialSpec) -> Any:
+    return SENSORS[spec.sensor.name].factory(spec.sensor.params)
+
+
+def _counts(target: Scan, source: Scan, result: RegistrationResult) -> dict[str, int]:
+    """How much each stage was left with, where the method says so."""
+    counts = {"points_target": target.n_valid, "points_source": source.n_valid}
+    for role in ("target", "source"):
+        view = result.evidence.get(role)
+        if isinstance(view, ViewEvidence):
+            if view.segments is not None:
+                counts[f"segments_{role}"] = len(view.segments)
+            counts[f"patches_{role}"] = len(view.patches)
+            counts[f"normals_{role}"] = len(view.sphere)
+    return counts

@@ -1,0 +1,85 @@
+"""Which code and which machine computed a result."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterable
+from importlib import metadata, util
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# What a row's numbers depend on, beside the code: a new version computes the rows again.
+LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
+CODE = ("registration", "scenes", "sensors")
+CODE_OF_TRIALS = ("diagnosis", "execution", "scoring", "trials")
+
+
+def code_fingerprint(methods: Iterable[str]) -> str:
+    """A hash of the code that computes rows: rows of other code are computed again, not reused.
+
+    methods: names as in the config; a function of the user's own counts with its module's file.
+    """
+    files = [path for folder in CODE for path in (ROOT / folder).rglob("*.py")]
+    files += [ROOT / "harness" / f"{name}.py" for name in CODE_OF_TRIALS]
+    for name in methods:
+        module, colon, _ = name.partition(":")
+        spec = util.find_spec(module) if colon else None
+        if spec is not None and spec.origin is not None:
+            files.append(Path(spec.origin))
+    digest = hashlib.sha256()
+    for name in LIBRARIES:
+        digest.update(f"{name} {metadata.version(name)}\n".encode())
+    for path in sorted(set(files)):
+        digest.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return digest.hexdigest()[:16]
+
+
+def run_facts(code: str) -> dict[str, Any]:
+    """What to note beside results: time, versions, commit, machine."""
+    return {
+        "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "code": code,
+        "commit": _commit(),
+        "python": sys.version.split()[0],
+        "libraries": {name: metadata.version(name) for name in (*LIBRARIES, "pandas", "trimesh")},
+        "machine": {
+            "system": platform.platform(),
+            "processor": _processor(),
+            "cores": os.process_cpu_count() if hasattr(os, "process_cpu_count") else os.cpu_count(),
+        },
+    }
+
+
+def _commit() -> str | None:
+    """The commit of the working tree, "-dirty" when files differ from it, None outside of git."""
+    command = [
+        "git",
+        "-C",
+        str(ROOT),
+        "describe",
+        "--always",
+        "--dirty",
+        "--abbrev=40",
+        "--exclude=*",
+    ]
+    try:
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return answer.stdout.strip()
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.processor())

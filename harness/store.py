@@ -1,0 +1,236 @@
+"""The rows of an experiment: one a trial, committed as each ends, and the truth for all tables."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import RigidTransform
+
+from harness.scoring import PARAMETERS, parameter_errors, six_parameters
+from harness.trials import Trial
+
+FILE_NAME = "trials.sqlite"
+SCHEMA_VERSION = 1
+
+RowStatus = Literal["ok", "ambiguous", "underdetermined", "failed", "no_overlap", "error"]
+
+_SCHEMA = """
+CREATE TABLE trials (
+    id TEXT PRIMARY KEY,
+    spec TEXT NOT NULL,
+    status TEXT NOT NULL,
+    reason TEXT NOT NULL,
+    traceback TEXT NOT NULL,
+    T_exact TEXT,
+    T_estimated TEXT,
+    rotation_error_deg REAL,
+    translation_error_mm REAL,
+    overlap_target REAL,
+    overlap_source REAL,
+    covariance TEXT,
+    undetermined TEXT,
+    counts TEXT NOT NULL
+) STRICT;
+-- Apart from the rows: two runs give the same rows bit for bit, never the same times.
+CREATE TABLE timings (
+    id TEXT PRIMARY KEY REFERENCES trials (id),
+    code TEXT NOT NULL,
+    stage_ms TEXT NOT NULL
+) STRICT;
+-- What the present configuration asks for: rows of earlier ones stay and are never mixed in.
+CREATE TABLE run (
+    position INTEGER PRIMARY KEY,
+    id TEXT NOT NULL,
+    pair TEXT NOT NULL,
+    method TEXT NOT NULL,
+    given TEXT NOT NULL,
+    repeat INTEGER NOT NULL
+) STRICT;
+"""
+
+
+class StoreError(RuntimeError):
+    """A store that cannot be used; the message says the way out."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """The outcome of one trial.
+
+    spec: its canonical JSON. T_exact, T_estimated: T_target_source or None.
+    overlap_target, overlap_source: exact share of either view's points that the other sees.
+    counts: points, segments, patches and so on, by name.
+    stage_ms: wall times; all else is the same in every run.
+    """
+
+    id: str
+    spec: str
+    status: RowStatus
+    reason: str = ""
+    traceback: str = ""
+    T_exact: RigidTransform | None = None
+    T_estimated: RigidTransform | None = None
+    rotation_error_deg: float | None = None
+    translation_error_mm: float | None = None
+    overlap_target: float | None = None
+    overlap_source: float | None = None
+    covariance: np.ndarray[Any, np.dtype[np.float64]] | None = None
+    undetermined: np.ndarray[Any, np.dtype[np.float64]] | None = None
+    counts: dict[str, int] = field(default_factory=dict)
+    stage_ms: dict[str, float] = field(default_factory=dict)
+
+
+class Store:
+    """The SQLite file of a results folder, made when missing; used as a context manager.
+
+    Raises StoreError when the file is no store of this version.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path = folder / FILE_NAME
+        self._connection = _connect(self.path)
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._connection.close()
+
+    def begin(self, trials: Sequence[Trial]) -> None:
+        """Note which trials the present configuration asks for, in their order."""
+        rows = [
+            (position, t.id, t.pair, t.label, t.spec.given, t.spec.repeat)
+            for position, t in enumerate(trials)
+        ]
+        with self._connection as connection:
+            connection.execute("DELETE FROM run")
+            connection.executemany("INSERT INTO run VALUES (?, ?, ?, ?, ?, ?)", rows)
+
+    def finished(self, code: str) -> set[str]:
+        """Ids of the rows that this code computed and that are no errors."""
+        query = "SELECT id FROM trials JOIN timings USING (id) WHERE code = ? AND status != 'error'"
+        return {identity for (identity,) in self._connection.execute(query, (code,))}
+
+    def outdated(self, ids: Iterable[str], code: str) -> int:
+        """How many of the trials have a row that other code computed."""
+        query = "SELECT id FROM timings WHERE code != ?"
+        others = {identity for (identity,) in self._connection.execute(query, (code,))}
+        return len(others.intersection(ids))
+
+    def add(self, row: Row, code: str) -> None:
+        """Write one row and commit it; a row of the same id is replaced."""
+        values = (
+            row.id, row.spec, row.status, row.reason, row.traceback,
+            _matrix_json(row.T_exact), _matrix_json(row.T_estimated),
+            row.rotation_error_deg, row.translation_error_mm,
+            row.overlap_target, row.overlap_source,
+            _array_json(row.covariance), _array_json(row.undetermined),
+            json.dumps(row.counts),
+        )  # fmt: skip
+        marks = ", ".join("?" * len(values))
+        with self._connection as connection:
+            connection.execute(f"INSERT OR REPLACE INTO trials VALUES ({marks})", values)
+            connection.execute(
+                "INSERT OR REPLACE INTO timings VALUES (?, ?, ?)",
+                (row.id, code, json.dumps(row.stage_ms)),
+            )
+
+
+def load(folder: Path) -> pd.DataFrame:
+    """The rows of a results folder's present configuration, one a trial that has been run.
+
+    Columns: id, pair, method, given, repeat, status, reason, traceback, spec; rotation_error_deg,
+    translation_error_mm; overlap_target, overlap_source (fractions); exact_*, estimated_* and
+    error_* of the six parameters (rotation_x_deg .. rotation_z_deg, x_mm .. z_mm); n_* counts;
+    ms_* wall times. T_exact, T_estimated hold (4, 4) matrices, covariance and undetermined arrays,
+    or None. Raises StoreError.
+    """
+    path = folder / FILE_NAME
+    if not path.exists():
+        raise StoreError(f"{path} does not exist; run the experiment first")
+    connection = _connect(path)
+    try:
+        frame = pd.read_sql_query(
+            "SELECT run.pair, run.method, run.given, run.repeat, trials.*, timings.stage_ms "
+            "FROM run JOIN trials USING (id) JOIN timings USING (id) ORDER BY position",
+            connection,
+        )
+    finally:
+        connection.close()
+    for column in ("T_exact", "T_estimated", "covariance", "undetermined"):
+        frame[column] = pd.Series([_array(text) for text in frame[column]], dtype=object)
+    for column, prefix in (("counts", "n_"), ("stage_ms", "ms_")):
+        spread = pd.DataFrame([json.loads(text) for text in frame[column]], index=frame.index)
+        frame = frame.drop(columns=column).join(spread.add_prefix(prefix))
+    return frame.join(_parameters(frame))
+
+
+def _parameters(frame: pd.DataFrame) -> pd.DataFrame:
+    """The six parameters of both poses and their differences, NaN where there is no pose."""
+    names = [
+        f"{name}_{unit}" for name, unit in zip(PARAMETERS, ["deg"] * 3 + ["mm"] * 3, strict=True)
+    ]
+    values = np.full((3, len(frame), 6), np.nan)
+    for i, (exact, estimated) in enumerate(
+        zip(frame["T_exact"], frame["T_estimated"], strict=True)
+    ):
+        for target, matrix in ((values[0], exact), (values[1], estimated)):
+            if matrix is not None:
+                target[i] = six_parameters(RigidTransform.from_matrix(matrix))
+    values[2] = [parameter_errors(a, b) for a, b in zip(values[0], values[1], strict=True)] or 0.0
+    columns = {
+        f"{kind}_{name}": block[:, i]
+        for kind, block in zip(("exact", "estimated", "error"), values, strict=True)
+        for i, name in enumerate(names)
+    }
+    return pd.DataFrame(columns, index=frame.index)
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    connection = sqlite3.connect(path)
+    try:
+        (version,) = connection.execute("PRAGMA user_version").fetchone()
+        if version == 0 and not connection.execute("SELECT * FROM sqlite_master").fetchall():
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.executescript(
+                f"BEGIN; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT"
+            )
+            version = SCHEMA_VERSION
+    except sqlite3.DatabaseError as error:
+        connection.close()
+        raise StoreError(
+            f"{path} is no store of trials ({error}); give another folder with --out"
+        ) from None
+    if version != SCHEMA_VERSION:
+        connection.close()
+        raise StoreError(
+            f"{path} was written in version {version} of the store, this program writes version "
+            f"{SCHEMA_VERSION}; keep it and give another folder with --out, or remove it"
+        )
+    return connection
+
+
+def _matrix_json(pose: RigidTransform | None) -> str | None:
+    return None if pose is None else _array_json(pose.as_matrix())
+
+
+def _array_json(array: np.ndarray[Any, np.dtype[np.float64]] | None) -> str | None:
+    return None if array is None else json.dumps(np.asarray(array).tolist())
+
+
+def _array(text: str | None) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    return None if text is None else np.array(json.loads(text), dtype=np.float64)
