@@ -54,6 +54,14 @@ CREATE TABLE run (
     given TEXT NOT NULL,
     repeat INTEGER NOT NULL
 ) STRICT;
+-- Which trial the figures and clouds of a pair and a method show, and their files.
+CREATE TABLE drawings (
+    pair TEXT NOT NULL,
+    method TEXT NOT NULL,
+    id TEXT NOT NULL,
+    files TEXT NOT NULL,
+    PRIMARY KEY (pair, method)
+) STRICT;
 """
 
 
@@ -130,6 +138,38 @@ class Store:
         query = "SELECT id FROM timings WHERE code != ?"
         others = {identity for (identity,) in self._connection.execute(query, (code,))}
         return len(others.intersection(ids))
+
+    def is_drawn(self, trial: Trial) -> bool:
+        """Whether the figures on disk are those of this trial."""
+        query = "SELECT files FROM drawings WHERE pair = ? AND method = ? AND id = ?"
+        found = self._connection.execute(query, (trial.pair, trial.label, trial.id)).fetchone()
+        folder = self.path.parent
+        return found is not None and all((folder / name).exists() for name in json.loads(found[0]))
+
+    def note_drawing(self, trial: Trial, files: Iterable[Path]) -> None:
+        """Remember what was drawn of a trial."""
+        names = json.dumps([file.relative_to(self.path.parent).as_posix() for file in files])
+        with self._connection as connection:
+            connection.execute(
+                "INSERT OR REPLACE INTO drawings VALUES (?, ?, ?, ?)",
+                (trial.pair, trial.label, trial.id, names),
+            )
+
+    def forget_drawings(self, trials: Sequence[Trial]) -> None:
+        """Remove the files of pairs and methods that the configuration no longer has."""
+        present = {(trial.pair, trial.label) for trial in trials}
+        query = "SELECT pair, method, files FROM drawings"
+        rows = self._connection.execute(query).fetchall()
+        shared = {n for p, m, files in rows if (p, m) in present for n in json.loads(files)}
+        for pair, method, files in rows:
+            if (pair, method) in present:
+                continue
+            for name in set(json.loads(files)) - shared:
+                (self.path.parent / name).unlink(missing_ok=True)
+            with self._connection as connection:
+                connection.execute(
+                    "DELETE FROM drawings WHERE pair = ? AND method = ?", (pair, method)
+                )
 
     def add(self, row: Row, code: str) -> None:
         """Write one row and commit it; a row of the same id is replaced."""

@@ -1,0 +1,55 @@
+"""Scans as point clouds in binary PLY files, in mm."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from harness.pair_view import PairView, file_slug
+from registration.scan import FloatArray, Scan
+
+TARGET_RGB = (31, 119, 180)
+SOURCE_RGB = (255, 127, 14)
+
+
+def write_clouds(pair: PairView, folder: Path) -> list[Path]:
+    """Write both scans of a pair, and merged by the estimate where there is one.
+
+    The scans are in their own frames, the merged cloud in the target's: target blue, source
+    orange. Returns the files.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for view, scan, rgb in (
+        (pair.target_view, pair.target, TARGET_RGB),
+        (pair.source_view, pair.source, SOURCE_RGB),
+    ):
+        if scan.n_valid:
+            path = folder / f"{file_slug(view)}.ply"
+            files.append(_write(path, [measured_points(scan)], [rgb]))
+    pose = pair.result.T_target_source
+    if pose is not None and pair.target.n_valid and pair.source.n_valid:
+        moved = pose.apply(measured_points(pair.source))
+        path = folder / f"{pair.slug}_merged.ply"
+        points = [measured_points(pair.target), moved]
+        files.append(_write(path, points, [TARGET_RGB, SOURCE_RGB]))
+    return files
+
+
+def measured_points(scan: Scan) -> FloatArray:
+    """(n, 3) points of a scan in mm, without the beams that did not return."""
+    points: FloatArray = scan.points_mm[scan.valid]
+    return points
+
+
+def _write(path: Path, points_mm: list[FloatArray], rgb: list[tuple[int, int, int]]) -> Path:
+    colours = np.repeat(np.array(rgb, dtype=np.uint8), [len(p) for p in points_mm], axis=0)
+    cloud = trimesh.PointCloud(np.concatenate(points_mm), colors=colours)
+    # Two workers may write one view at a time: each writes a file of its own and moves it there.
+    draft = path.with_name(f"{path.stem}.{os.getpid()}.part")
+    draft.write_bytes(trimesh.exchange.ply.export_ply(cloud, encoding="binary"))
+    draft.replace(path)
+    return path

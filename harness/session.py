@@ -1,0 +1,115 @@
+"""One experiment from its file to its results folder; the command is a thin shell around this."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.config import Experiment, dump_yaml, load_experiment
+from harness.provenance import code_fingerprint, run_facts
+from harness.runner import Done, MakeExecutor, Task, run
+from harness.store import Store, load
+from harness.table_files import Table, write_tables
+from harness.tables import all_tables
+from harness.trials import Trial, build_trials
+
+
+@dataclass(frozen=True)
+class Session:
+    """A checked experiment, its trials, the folder of its results and the code that computes it."""
+
+    file: Path
+    experiment: Experiment
+    trials: tuple[Trial, ...]
+    folder: Path
+    code: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is left to do: the tasks, how many rows are reused, and how many other code made."""
+
+    tasks: tuple[Task, ...]
+    reused: int
+    outdated: int
+
+    @property
+    def missing(self) -> int:
+        """Number of rows to compute."""
+        return sum(task.keep for task in self.tasks)
+
+
+def open_session(
+    file: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+) -> Session:
+    """Read and check everything; writes nothing. Raises ConfigError."""
+    experiment = load_experiment(file, overrides, seed)
+    trials = build_trials(experiment, file)
+    code = code_fingerprint(method.name for method in experiment.methods)
+    return Session(file, experiment, trials, folder or Path("results") / file.stem, code)
+
+
+def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
+    """Compare the trials with the rows at hand; the figures of repeat 0 go with their trial.
+
+    redraw: compute no rows, draw all figures again.
+    """
+    ids = [trial.id for trial in session.trials]
+    done = set(ids) if redraw else store.finished(session.code)
+    tasks = []
+    for trial in {trial.id: trial for trial in session.trials}.values():
+        keep = trial.id not in done
+        drawn = trial.spec.repeat == 0 and not trial.spec.given
+        draw = drawn and (keep or redraw or not store.is_drawn(trial))
+        if keep or draw:
+            pictures, clouds = session.folder / "figures", session.folder / "scans"
+            tasks.append(Task(trial, keep, pictures if draw else None, clouds if draw else None))
+    reused = sum(identity in done for identity in ids)
+    outdated = 0 if redraw else store.outdated(ids, session.code)
+    return Plan(tuple(tasks), reused, outdated)
+
+
+def execute(
+    session: Session, store: Store, planned: Plan, make_executor: MakeExecutor
+) -> Iterator[Done]:
+    """Note what is run by what, then perform the tasks; hands each on as it ends."""
+    if planned.missing:
+        facts = json.dumps(run_facts(session.code), indent=2)
+        (session.folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+    (session.folder / "config.yaml").write_text(dump_yaml(resolved(session)), encoding="utf-8")
+    store.begin(session.trials)
+    store.forget_drawings(session.trials)
+    for done in run(planned.tasks, store, session.code, make_executor):
+        if done.task.pictures is not None and not done.drawing_error:
+            store.note_drawing(done.task.trial, done.files)
+        yield done
+
+
+def report(session: Session) -> list[Table]:
+    """Build the tables from the rows and write them; raises StoreError."""
+    tables = all_tables(session.experiment, load(session.folder))
+    write_tables(tables, session.folder / "tables")
+    return tables
+
+
+def resolved(session: Session) -> dict[str, Any]:
+    """The configuration with every default and preset written out; it makes the same trials."""
+    data = session.experiment.model_dump(mode="json", exclude_none=True)
+    first = session.trials[0].spec
+    data["scene"]["params"] = _plain(first.scene.params)
+    data["sensor"]["params"] = _plain(first.sensor.params)
+    params = {trial.label: trial.spec.method.params for trial in session.trials}
+    for method in data["methods"]:
+        method.pop("preset", None)
+        method["params"] = _plain(params[method.get("label", method["name"])])
+    return data
+
+
+def _plain(params: Any) -> Any:
+    if not dataclasses.is_dataclass(params) or isinstance(params, type):
+        return params
+    return json.loads(json.dumps(dataclasses.asdict(params)))

@@ -1,0 +1,85 @@
+"""A table as a type, and as files: csv with raw numbers, md and tex as one reads them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+from tabulate import tabulate
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows with raw values, and how to print them.
+
+    name: the stem of its files. caption: what a reader must know to read it.
+    formats: a format specification ("+.2f") by column; text columns have none.
+    """
+
+    name: str
+    title: str
+    caption: str
+    frame: pd.DataFrame
+    formats: dict[str, str] = field(default_factory=dict)
+
+    def text(self) -> list[list[str]]:
+        """The rows as printed; nothing where there is no number."""
+        return [
+            [
+                _printed(value, self.formats.get(column, ""))
+                for column, value in zip(self.frame.columns, row, strict=True)
+            ]
+            for row in self.frame.itertuples(index=False)
+        ]
+
+
+def write_tables(tables: Iterable[Table], folder: Path) -> list[Path]:
+    """Write each table as csv, md and tex; tables of an earlier run are removed before."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.iterdir():
+        if old.suffix in (".csv", ".md", ".tex"):
+            old.unlink()
+    files = []
+    for table in tables:
+        header, rows = list(table.frame.columns), table.text()
+        aligned = ["right" if column in table.formats else "left" for column in header]
+        plain = tabulate(
+            rows, header, "github", colalign=aligned if rows else None, disable_numparse=True
+        )
+        latex = tabulate(
+            rows, header, "latex_booktabs", colalign=aligned if rows else None,
+            disable_numparse=True,
+        )  # fmt: skip
+        csv = folder / f"{table.name}.csv"
+        table.frame.to_csv(csv, index=False, lineterminator="\n")
+        (folder / f"{table.name}.md").write_text(
+            f"**{table.title}.** {table.caption}\n\n{plain}\n", encoding="utf-8"
+        )
+        (folder / f"{table.name}.tex").write_text(
+            "% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\n"
+            f"\\caption{{{_escaped(table.title)}. {_escaped(table.caption)}}}\n"
+            f"{latex}\n\\end{{table}}\n",
+            encoding="utf-8",
+        )
+        files.append(csv)
+    return files
+
+
+def _printed(value: object, specification: str) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if specification:
+        if isinstance(value, float) and math.isinf(value):
+            return "none"
+        text = format(value, specification)
+        # -0.00 says no more than 0.00.
+        return text if text.strip("+-0.") else format(0.0, specification).replace("+", "")
+    return str(value)
+
+
+def _escaped(text: str) -> str:
+    marks = {"%": r"\%", "&": r"\&", "_": r"\_", "#": r"\#", "$": r"\$", "°": r"$^\circ$"}
+    return "".join(marks.get(c, c) for c in text)

@@ -1,0 +1,314 @@
+"""The tables of an experiment, from its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from harness.config import Experiment, Pair, PrintedPose, RotationLabels
+from harness.pair_view import file_slug
+from harness.scoring import (
+    COARSE,
+    FINE,
+    PARAMETERS,
+    PoseError,
+    Tolerance,
+    is_success,
+    parameter_errors,
+    pose_error,
+    pose_from_parameters,
+    wilson_interval,
+)
+from harness.table_files import Table
+from harness.trials import LABEL_ORDER, relabelled
+
+NAMES = ("Rotation X (deg)", "Rotation Y (deg)", "Rotation Z (deg)",
+         "Translation X (mm)", "Translation Y (mm)", "Translation Z (mm)")  # fmt: skip
+COLUMNS = tuple(
+    f"{name}_{unit}" for name, unit in zip(PARAMETERS, ["deg"] * 3 + ["mm"] * 3, strict=True)
+)
+ENTRIES = {
+    "": "scans (the whole method)",
+    "segments": "true segments",
+    "patches": "true patches",
+    "rotation": "true rotation, found patches",
+}
+
+
+def all_tables(experiment: Experiment, rows: pd.DataFrame) -> list[Table]:
+    """Every table there are rows for: stages, successes, accuracy, failures, pairs, timings.
+
+    rows: as store.load gives them.
+    """
+    whole = rows[rows["given"] == ""]
+    tables = [success_table(whole), accuracy_table(whole), timing_table(whole)]
+    if len(rows) > len(whole):
+        tables.insert(0, stage_table(rows))
+    failures = failure_table(rows)
+    if len(failures.frame):
+        tables.append(failures)
+    return tables + list(pair_tables(experiment, whole))
+
+
+def pair_tables(experiment: Experiment, rows: pd.DataFrame) -> Iterator[Table]:
+    """Tables 6.1 to 6.5: the six parameters of each pair, exact, the thesis's and ours."""
+    for name, pair in experiment.pairs.items():
+        of_pair = rows[rows["pair"] == name]
+        for label in of_pair["method"].unique():
+            yield _pair_table(experiment, name, pair, of_pair[of_pair["method"] == label], label)
+
+
+def _pair_table(
+    experiment: Experiment, name: str, pair: Pair, rows: pd.DataFrame, label: str
+) -> Table:
+    first = rows.iloc[0]
+    exact, estimated, error = (
+        first[[f"{kind}_{column}" for column in COLUMNS]].to_numpy(dtype=np.float64)
+        for kind in ("exact", "estimated", "error")
+    )
+    columns: dict[str, Any] = {
+        "Parameter": [*NAMES, "Rotation angle (deg)", "Translation norm (mm)"]
+    }
+    labels = experiment.rotation_labels
+    if pair.printed is not None and labels != "printed":
+        printed_as = [f"Rotation ({'XYZ'[index]})" for index in LABEL_ORDER[labels]]
+        columns["Label in the thesis"] = [
+            *printed_as,
+            *(f"Translation ({c})" for c in "XYZ"),
+            "",
+            "",
+        ]
+    columns["Exact"] = [*exact, np.nan, np.nan]
+    theirs = _thesis_values(pair, labels)
+    if theirs is not None:
+        columns["Thesis's estimate"] = [*theirs[0], np.nan, np.nan]
+    ours = [float(first["rotation_error_deg"]), float(first["translation_error_mm"])]
+    columns["Our estimate"] = [*estimated, np.nan, np.nan]
+    columns["Our error"] = [*error, *ours]
+    if theirs is not None:
+        columns["Thesis's error"] = theirs[1]
+    known = rows.dropna(subset=["rotation_error_deg"])
+    if len(rows) > 1:
+        columns["Our error, all repeats"] = [
+            _spread(known[column], sign)
+            for column, sign in (
+                *((f"error_{c}", "+") for c in COLUMNS),
+                ("rotation_error_deg", ""),
+                ("translation_error_mm", ""),
+            )
+        ]
+    caption = _pair_caption(experiment, pair, rows, len(known))
+    signed = dict.fromkeys(("Exact", "Thesis's estimate", "Our estimate"), ".2f")
+    signed |= dict.fromkeys(("Our error", "Thesis's error"), "+.2f")
+    frame = pd.DataFrame(columns)
+    kind = "Table" if pair.printed else "Pair"
+    title = f"{kind} {name}: {pair.source} to {pair.target}, method {label}"
+    return Table(
+        f"table_{file_slug(name)}_{file_slug(label)}",
+        title,
+        caption,
+        frame,
+        {column: signed[column] for column in frame.columns if column in signed},
+    )
+
+
+def _pair_caption(experiment: Experiment, pair: Pair, rows: pd.DataFrame, n_known: int) -> str:
+    first = rows.iloc[0]
+    text = (
+        "Pose of the source view in the frame of the target view. Our estimate and error are those "
+        "of repeat 0, the one that the figures show; an error is estimate minus exact value, the "
+        "last two rows are the angle and the length of the whole error."
+    )
+    if len(rows) > 1:
+        text += (
+            f" All repeats: median [smallest, largest] of the {n_known} of {len(rows)} with an "
+            "estimate."
+        )
+    if pair.printed is not None and experiment.rotation_labels != "printed":
+        text += (
+            " The thesis prints its large turn under a label that names another axis; its values "
+            "stand beside the axis that was turned "
+            f"(rotation_labels: {experiment.rotation_labels})."
+        )
+    text += f" Of the source's points the target view sees {first['overlap_source']:.0%}."
+    if first["status"] != "ok":
+        text += f" Repeat 0: {first['status']}: {first['reason']}."
+    return text
+
+
+def _thesis_values(pair: Pair, labels: RotationLabels) -> tuple[list[float], list[float]] | None:
+    """The six values it estimated, and its errors: six, the angle and the norm."""
+    if pair.printed is None or pair.estimated is None:
+        return None
+    exact, estimated = (_six(pose, labels) for pose in (pair.printed, pair.estimated))
+    poses = [pose_from_parameters(six[:3], six[3:]) for six in (exact, estimated)]
+    error = pose_error(*poses)
+    whole = [float(np.rad2deg(error.rotation_rad)), error.translation_mm]
+    return estimated.tolist(), [*parameter_errors(exact, estimated).tolist(), *whole]
+
+
+def _six(pose: PrintedPose, labels: RotationLabels) -> np.ndarray[Any, np.dtype[np.float64]]:
+    rotation_deg, translation_mm = relabelled(pose, labels)
+    return np.array([*rotation_deg, *translation_mm])
+
+
+def success_table(rows: pd.DataFrame) -> Table:
+    """How often each method is right, by pair, with Wilson's interval."""
+    records = []
+    for (pair, method), group in rows.groupby(["pair", "method"], sort=False):
+        record: dict[str, Any] = {"Pair": pair, "Method": method, "Trials": len(group)}
+        record["Answered"] = int((group["status"] == "ok").sum())
+        for tolerance in (COARSE, FINE):
+            successes = int(_successes(group, tolerance).sum())
+            low, high = wilson_interval(successes, len(group))
+            within = f"Within {tolerance.rotation_deg:g} deg and {tolerance.translation_mm:g} mm"
+            record[within] = successes
+            record[f"Rate {within[7:]}"] = f"{successes / len(group):.0%} [{low:.0%}, {high:.0%}]"
+        records.append(record)
+    return Table(
+        "success",
+        "Successes",
+        "A success is an answer of status ok within both tolerances; rates with Wilson's 95 % "
+        "interval.",
+        pd.DataFrame(records),
+        {"Trials": "d", "Answered": "d"},
+    )
+
+
+def accuracy_table(rows: pd.DataFrame) -> Table:
+    """Quantiles of the errors, over the successes and over all trials."""
+    records = []
+    for (pair, method), group in rows.groupby(["pair", "method"], sort=False):
+        errors = group[["rotation_error_deg", "translation_error_mm"]].astype(np.float64)
+        for over, chosen in (
+            ("successes", errors[_successes(group, COARSE)]),
+            ("all trials", errors.fillna(np.inf)),
+        ):
+            record: dict[str, Any] = {
+                "Pair": pair,
+                "Method": method,
+                "Over": over,
+                "n": len(chosen),
+            }
+            for column, unit in (("rotation_error_deg", "deg"), ("translation_error_mm", "mm")):
+                kind = column.split("_")[0]
+                for name, q in (("median", 0.5), ("90 %", 0.9)):
+                    values = chosen[column].to_numpy()
+                    # An observed value, not one between two: half of infinity means nothing.
+                    record[f"{kind} {name} ({unit})".capitalize()] = (
+                        float(np.quantile(values, q, method="higher")) if len(values) else np.nan
+                    )
+            records.append(record)
+    frame = pd.DataFrame(records)
+    return Table(
+        "accuracy",
+        "Errors",
+        "Angle and length of the error, median and 90 % quantile. A success is within "
+        f"{COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm; over all trials, one "
+        "without an estimate counts as infinite and prints as none.",
+        frame,
+        {"n": "d"} | dict.fromkeys(frame.columns[4:], ".2f"),
+    )
+
+
+def stage_table(rows: pd.DataFrame) -> Table:
+    """Where accuracy is lost: the method entered with the truth at one stage after the other."""
+    records = []
+    for (pair, method, given), group in rows.groupby(["pair", "method", "given"], sort=False):
+        record: dict[str, Any] = {
+            "Pair": pair,
+            "Method": method,
+            "Entered with": ENTRIES[str(given)],
+        }
+        answered = group[group["status"] == "ok"]
+        record["Answered"] = f"{len(answered)}/{len(group)}"
+        record["Rotation error (deg)"] = answered["rotation_error_deg"].astype(np.float64).median()
+        record["Translation error (mm)"] = (
+            answered["translation_error_mm"].astype(np.float64).median()
+        )
+        for what in ("patches", "normals"):
+            counts = [group.get(f"n_{what}_{role}", pd.Series(dtype=float)).median()
+                      for role in ("source", "target")]  # fmt: skip
+            known = not any(np.isnan(counts))
+            record[what.capitalize()] = f"{counts[0]:.0f}, {counts[1]:.0f}" if known else ""
+        reasons = group.loc[group["status"] != "ok", "reason"]
+        record["If not answered, why"] = reasons.iloc[0] if len(reasons) else ""
+        records.append(record)
+    return Table(
+        "stages",
+        "Where accuracy is lost",
+        "The method with the truth in place of what its stages find: what one row loses against "
+        "the next deeper entry is lost in between. Medians over the trials answered; patches and "
+        "normals of source, target. True segments and patches hold no noise: one trial tells.",
+        pd.DataFrame(records),
+        {"Rotation error (deg)": ".3f", "Translation error (mm)": ".2f"},
+    )
+
+
+def failure_table(rows: pd.DataFrame) -> Table:
+    """Every trial without a success, each to be replayed by its id."""
+    failed = rows[~_successes(rows, COARSE)]
+    records = [
+        {
+            "Trial": row["id"],
+            "Pair": row["pair"],
+            "Method": row["method"],
+            "Entered with": ENTRIES[row["given"]],
+            "Repeat": row["repeat"],
+            "Status": row["status"],
+            "Reason": row["reason"]
+            or f"off by {row['rotation_error_deg']:.2f} deg, {row['translation_error_mm']:.1f} mm",
+        }
+        for _, row in failed.iterrows()
+    ]
+    return Table(
+        "failures",
+        "Trials without a success",
+        "Replay one with --trial and its id.",
+        pd.DataFrame(records),
+        {"Repeat": "d"},
+    )
+
+
+def timing_table(rows: pd.DataFrame) -> Table:
+    """Wall time of each stage, by pair and method, in ms."""
+    stages = [column for column in rows.columns if column.startswith("ms_")]
+    stages.sort(key=lambda column: column == "ms_registration")  # the total comes last
+    columns: dict[str, Any] = {"Stage": [name[3:].replace("_", " ") for name in stages]}
+    for (pair, method), group in rows.groupby(["pair", "method"], sort=False):
+        columns[f"{pair} {method} (ms)"] = [
+            float(group[name].astype(np.float64).median()) for name in stages
+        ]
+    frame = pd.DataFrame(columns)
+    return Table(
+        "timings",
+        "Time by stage",
+        "Median over the repeats, one core; registration is the whole method. Scan and overlap are "
+        "the simulation's, and next to nothing where another trial had made them.",
+        frame,
+        dict.fromkeys(frame.columns[1:], ".1f"),
+    )
+
+
+def _successes(rows: pd.DataFrame, tolerance: Tolerance) -> pd.Series[bool]:
+    """Which rows are answered and within the tolerance."""
+    flags = [
+        status == "ok" and is_success(PoseError(float(np.deg2rad(angle)), float(length)), tolerance)
+        for status, angle, length in zip(
+            rows["status"], rows["rotation_error_deg"], rows["translation_error_mm"], strict=True
+        )
+    ]
+    return pd.Series(flags, index=rows.index, dtype=bool)
+
+
+def _spread(values: pd.Series[float], sign: str) -> str:
+    numbers = values.astype(np.float64)
+    if numbers.empty:
+        return "none"
+    low, middle, high = (
+        f"{float(v):{sign}.2f}" for v in (numbers.min(), numbers.median(), numbers.max())
+    )
+    return f"{middle} [{low}, {high}]"
