@@ -37,7 +37,8 @@ def compact_sphere(patches: Patches, params: SphereParams) -> GaussSphere:
     vectors = patches.normal * patches.area_mm2[:, None]
     member = _unite(vectors.copy(), patches.area_mm2.copy(), params.close_normal)
     names, member = np.unique(member, return_inverse=True)
-    weight = np.bincount(member, patches.area_mm2, minlength=len(names))
+    weight = np.zeros(len(names))
+    np.add.at(weight, member, patches.area_mm2)
     direction = np.zeros((len(names), 3))
     np.add.at(direction, member, vectors)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)

@@ -91,7 +91,7 @@ def _link(
 @compiled
 def _difference(a: float, b: float) -> float:
     d = a - b
-    return np.arctan2(np.sin(d), np.cos(d))
+    return float(np.arctan2(np.sin(d), np.cos(d)))
 
 
 @compiled
@@ -118,7 +118,7 @@ def _shared(a: FloatArray, b: FloatArray, jump: float) -> float:
         return 0.0
     p = (b[0, 0] - a[0, 0]) * dy + (b[0, 1] - a[0, 1]) * dz
     q = (b[1, 0] - a[0, 0]) * dy + (b[1, 1] - a[0, 1]) * dz
-    return max(0.0, min(length, max(p, q)) - max(0.0, min(p, q)))
+    return float(max(0.0, min(length, max(p, q)) - max(0.0, min(p, q))))
 
 
 @compiled
@@ -252,4 +252,4 @@ def _align(
             ):
                 value = max(value, table[i, j] + min(length[p], length[q]))
             table[i + 1, j + 1] = value
-    return table[b - a, c - b]
+    return float(table[b - a, c - b])

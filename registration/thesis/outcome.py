@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from registration.result import Candidate, RegistrationResult, Status
 from registration.scan import FloatArray, IntArray
 from registration.thesis.evidence import ViewEvidence
-from registration.thesis.params import BeliefParams, ThesisParams
+from registration.thesis.params import ThesisParams
 from registration.thesis.rotation import RotationSearch, match_normals
 from registration.thesis.translation import Shifts, estimate_translation, oriented_pairs
 

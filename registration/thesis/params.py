@@ -14,7 +14,6 @@ LineSeed = Literal["first_points", "running"]
 LineFit = Literal["regression", "total"]
 MergeRule = Literal["literal", "global", "segments"]
 Triplets = Literal["carried", "measured", "fitted"]
-Repair = Literal["previous", "trend", "off"]
 PlaneFit = Literal["uncentred", "centred"]
 RotationSolver = Literal["nine_by_nine", "svd"]
 Density = Literal["per_axis", "3d"]
@@ -142,9 +141,8 @@ class PatchParams:
     triplets: the three points of a segment: "carried" keeps the Y of the first profile's points
         and reads Z from each later profile (literal), "measured" reads Z at the segment's own
         quarter points, "fitted" takes the quarter points on its fitted line.
-    repair: what a Z estimate is compared with: the "previous" profile (literal), the "trend" of
-        the group (a steep face deviates from the former as well), or "off".
-    repair_mm: the threshold, for which the thesis gives no number: CLIFF.
+    repair, repair_mm: whether profiles whose points deviate from the one before by more than this
+        are mended; the thesis gives no number: CLIFF.
     plane: eigenvector of the "uncentred" 4x4 (5-2, 5-3), or of the "centred" scatter (corrected).
     min_profiles: patches of fewer profiles are dropped.
     intermediate: patches that bridge two groups where the segments are parallel.
@@ -152,16 +150,15 @@ class PatchParams:
     """
 
     triplets: Triplets = "measured"
-    repair: Repair = "trend"
+    repair: bool = True
     repair_mm: float = 10.0
     plane: PlaneFit = "centred"
-    min_profiles: int = 4
-    intermediate: bool = False
+    min_profiles: int = 2
+    intermediate: bool = True
     parallel_th_rad: float = 0.025
 
     def __post_init__(self) -> None:
         _one_of(self, "triplets", Triplets)
-        _one_of(self, "repair", Repair)
         _within(self, "repair_mm", 0.0, math.inf, above_low=True)
         _one_of(self, "plane", PlaneFit)
         _whole(self, "min_profiles", 2)
@@ -226,7 +223,7 @@ class TranslationParams:
     area_ratio_weights: average with the area ratios of (4-28) as in (4-27); else plainly (4-26).
     """
 
-    density: Density = "3d"
+    density: Density = "per_axis"
     window_mm: float = 20.0
     area_ratio_weights: bool = True
 
@@ -282,10 +279,7 @@ class ThesisParams:
             merge=MergeParams(rule="literal"),
             patches=PatchParams(
                 triplets="carried",
-                repair="previous",
                 plane="uncentred",
-                min_profiles=2,
-                intermediate=True,
             ),
-            translation=TranslationParams(density="per_axis"),
+            rotation=RotationParams(candidates=1),
         )

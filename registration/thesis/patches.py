@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -104,7 +105,7 @@ def _members(
     """Segments of every patch in order of profiles, and whether it is an intermediate one."""
     order = np.argsort(chain, kind="stable")
     bounds = np.flatnonzero(np.diff(chain[order], prepend=-1, append=-1))
-    chains = [order[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    chains = [order[a:b] for a, b in pairwise(bounds)]
     kept = [c for c in chains if len(c) >= params.min_profiles]
     members = [(c, False) for c in kept]
     if params.intermediate:

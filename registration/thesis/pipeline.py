@@ -77,12 +77,16 @@ def _from_patches(
     stage_ms: StageTimes,
 ) -> RegistrationResult:
     with _timed("gauss_sphere", stage_ms):
-        spheres = [compact_sphere(view, params.sphere) for view in patches]
+        target, source = (
+            ViewEvidence(*stages, compact_sphere(stages[2], params.sphere))
+            for stages in zip(scans, segments, patches, strict=True)
+        )
     with _timed("rotation", stage_ms):
-        search = search_rotation(*spheres, params.rotation, params.belief.tie_angle_rad)
-    views = [ViewEvidence(*view) for view in zip(scans, segments, patches, spheres, strict=True)]
+        search = search_rotation(
+            target.sphere, source.sphere, params.rotation, params.belief.tie_angle_rad
+        )
     with _timed("translation", stage_ms):
-        result = decide(*views, search, params)
+        result = decide(target, source, search, params)
     return replace(result, stage_ms=stage_ms)
 
 

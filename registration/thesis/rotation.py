@@ -95,9 +95,9 @@ def solve_correspondences(normals: ArrayLike, source_normals: ArrayLike) -> Floa
     The answer is a rotation only when the normals are exact. Raises numpy.linalg.LinAlgError for
     coplanar normals.
     """
-    block, right = np.asarray(source_normals, np.float64), np.asarray(normals, np.float64)
-    R: FloatArray = np.linalg.solve(block, right).swapaxes(-1, -2)
-    return R
+    block = np.asarray(source_normals, dtype=np.float64)
+    R: FloatArray = np.linalg.solve(block, np.asarray(normals, dtype=np.float64))
+    return R.swapaxes(-1, -2)
 
 
 def project_on_rotations(matrix: ArrayLike) -> tuple[FloatArray, FloatArray]:

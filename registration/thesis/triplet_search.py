@@ -48,7 +48,7 @@ def count_triplets(table: FloatArray, tolerance: float) -> int:
 
 @compiled
 def _handedness(d: FloatArray, i: int, j: int, k: int) -> float:
-    return (np.cross(d[i], d[j]) * d[k]).sum()
+    return float((np.cross(d[i], d[j]) * d[k]).sum())
 
 
 @compiled
@@ -83,8 +83,7 @@ def equal_triplets(
                             continue
                         for r in range(len(right)):
                             if (
-                                r == p
-                                or r == q
+                                r in (p, q)
                                 or abs(right[p, r] - left[i, k]) > tolerance
                                 or abs(right[q, r] - left[j, k]) > tolerance
                                 or _handedness(source, p, q, r) * hand <= 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from registration.scan import FloatArray, IntArray, Scan
@@ -35,12 +37,10 @@ def triplet_points(
     for s, segment in enumerate(index):
         carried = params.triplets == "carried"
         points[s, :, 2] = _depths(scan, segments, int(segment), points[s, :, 1], carried)
-    if params.repair != "off":
-        for start in np.unique(first_of_patch):
-            stop = int(np.searchsorted(patch, patch[start], side="right"))
-            points[start:stop, :, 2] = repair_depths(
-                points[start:stop, :, 2], params.repair_mm, params.repair == "trend"
-            )
+    if params.repair:
+        bounds = np.append(np.unique(first_of_patch), len(patch))
+        for start, stop in pairwise(bounds):
+            points[start:stop] = repair_triplets(points[start:stop], params.repair_mm)
     return points
 
 
@@ -53,32 +53,46 @@ def _depths(
         profile = profile[segments.first[segment] : segments.last[segment] + 1]
     profile = profile[np.isfinite(profile[:, 2])]
     order = np.argsort(profile[:, 1], kind="stable")
-    return np.interp(y_mm, profile[order, 1], profile[order, 2])
+    depth: FloatArray = np.interp(y_mm, profile[order, 1], profile[order, 2])
+    return depth
 
 
-def repair_depths(z_mm: FloatArray, threshold_mm: float, trend: bool = False) -> FloatArray:
-    """Replace the depths of profiles that deviate from the one before in two of three points.
+def repair_triplets(points_mm: FloatArray, threshold_mm: float) -> FloatArray:
+    """Replace the points of profiles that deviate from the one before in two of three places.
 
-    z_mm: (k, 3) depths of the three points in each of k profiles.
-    trend: judge the deviation beside the median deviation of the group, so that a face that
-        recedes steeply along X is not taken for a jump.
-    A deviating profile takes the depths of the one before when the group has only two, otherwise
-    they are interpolated from its sound profiles. Section 5.4.
+    points_mm: (k, 3, 3) profile, point, coordinate of one patch. The deviation of a point is that
+        of its depth when its Y is that of the profile before, as where Y is carried on; in general
+        it is the distance in the laser plane from the line through the points before.
+    A deviating profile takes the points of the one before when the group has only two, otherwise
+    they are interpolated from its sound profiles; X stays. Section 5.4.
     """
-    step = np.diff(z_mm, axis=0)
-    if trend and len(step) > 1:
-        step = step - np.median(step, axis=0)
-    deviates = np.zeros(len(z_mm), dtype=bool)
-    deviates[1:] = np.count_nonzero(np.abs(step) > threshold_mm, axis=1) >= 2
-    # Behind one deviating profile the next one jumps back: it is sound.
-    for k in range(2, len(z_mm)):
-        if deviates[k] and deviates[k - 1]:
-            back = np.abs(z_mm[k] - z_mm[k - 2]) <= threshold_mm
-            deviates[k] = np.count_nonzero(back) < 2
-    if not deviates.any():
-        return z_mm
-    if len(z_mm) == 2:
-        return np.repeat(z_mm[:1], 2, axis=0)
-    sound = np.flatnonzero(~deviates)
-    rows = np.arange(len(z_mm))
-    return np.stack([np.interp(rows, sound, z_mm[sound, p]) for p in range(3)], axis=1)
+    deviation = _deviations(points_mm)
+    jumps = np.zeros(len(points_mm), dtype=bool)
+    jumps[1:] = np.count_nonzero(np.abs(deviation) > threshold_mm, axis=1) >= 2
+    if not jumps.any():
+        return points_mm
+    for k in range(2, len(points_mm)):
+        # The profile behind a deviating one jumps back, without being at fault.
+        if jumps[k] and jumps[k - 1]:
+            back = np.abs(_deviations(points_mm[[k - 2, k]])[0]) > threshold_mm
+            jumps[k] = np.count_nonzero(back) >= 2
+    repaired = points_mm.copy()
+    if len(points_mm) == 2:
+        repaired[1, :, 1:] = points_mm[0, :, 1:]
+        return repaired
+    rows, sound = np.arange(len(points_mm)), np.flatnonzero(~jumps)
+    for p in range(3):
+        for c in (1, 2):
+            repaired[:, p, c] = np.interp(rows, sound, points_mm[sound, p, c])
+    return repaired
+
+
+def _deviations(points_mm: FloatArray) -> FloatArray:
+    """(k - 1, 3) of every point from the profile before."""
+    y, z = points_mm[..., 1], points_mm[..., 2]
+    dy, dz = np.diff(y, axis=0), np.diff(z, axis=0)
+    along_y, along_z = (y[:-1, 2] - y[:-1, 0]), (z[:-1, 2] - z[:-1, 0])
+    length = np.hypot(along_y, along_z)
+    safe = np.where(length > 0.0, length, 1.0)
+    beside = (dz * along_y[:, None] - dy * along_z[:, None]) / safe[:, None]
+    return np.where(dy == 0.0, dz, np.where(length[:, None] > 0.0, beside, dz))
