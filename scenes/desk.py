@@ -25,8 +25,8 @@ def desk(params: DeskParams) -> Scene:
     return assemble(
         "desk",
         [
-            box("desk", [0.80, 1.40, 0.03], [-0.20, 0.0, -0.03], material="wood"),
-            box("wall", [0.05, 1.60, 0.90], [0.225, 0.0, -0.03], material="white_paper"),
+            box("desk", [0.70, 1.00, 0.03], [-0.15, 0.0, -0.03], material="wood"),
+            box("wall", [0.03, 1.00, 0.53], [0.215, 0.0, -0.03], material="white_paper"),
             box("case", [0.26, 0.13, 0.27], [0.03, -0.225, 0.0], turned(-22.0)),
             box("foot", [0.14, 0.16, 0.015], [0.05, 0.045, 0.0], turned(12.0)),
             box("stem", [0.03, 0.06, 0.12], [0.07, 0.049, 0.015], turned(12.0)),

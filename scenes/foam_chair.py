@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from scenes.scene import Scene
-from scenes.solids import assemble, box, frustum, prism, turned
+from scenes.solids import Solid, assemble, box, frustum, prism, turned
 
 
 @dataclass(frozen=True)
@@ -32,42 +32,42 @@ def foam_chair(params: FoamChairParams) -> Scene:
         material=material,
         labels=["bottom", "back", "top", "front"],
     )
-    # The back is bent in the middle: two wings that face inwards and lean backwards.
-    wings = [
-        prism(
-            f"{side}_wing",
-            [(-0.02, 0.0), (0.04, 0.0), (0.075, 0.20), (0.035, 0.20)],
-            0.095,
-            [0.075, sign * 0.045, 0.04],
-            turned(-sign * 20.0),
-            material,
-            ["bottom", "back", "top", "front"],
+    # Corners of the left half, inner front first; the back is bent in the middle, so that its two
+    # wings face inwards, and all of it leans backwards.
+    wing = [(0.060, 0.0), (0.100, 0.0), (0.075, 0.090), (0.028, 0.090)]
+    arm = [(-0.065, 0.065), (0.080, 0.060), (0.080, 0.113), (-0.100, 0.113)]
+    halves = [
+        half
+        for side, sign in (("left", 1), ("right", -1))
+        for half in (
+            _half(f"{side}_wing", wing, sign, 0.24, (0.055, 0.0), material),
+            _half(f"{side}_arm", arm, sign, 0.145, (0.030, 0.012), material),
         )
-        for side, sign in (("left", 1.0), ("right", -1.0))
     ]
-    # Mirrored outlines would run the other way round, so the corners of the right arm are reversed.
-    outline = [(-0.10, -0.020), (0.08, -0.025), (0.08, 0.028), (-0.065, 0.028)]
+    table = box("table", [0.40, 0.44, 0.03], [0.05, 0.0, -0.03], material="wood")
+    return assemble("foam_chair", [table, seat, *halves])
+
+
+def _half(
+    name: str,
+    outline_m: list[tuple[float, float]],
+    sign: int,
+    height_m: float,
+    lean_m: tuple[float, float],
+    material: str,
+) -> Solid:
+    """A frustum on the left (sign 1), or its mirror image on the right (-1).
+
+    The outline's edges are the inner, back, outer and front face; lean_m shifts its top backwards
+    and outwards.
+    """
+    corners_m = [(x_m, sign * y_m) for x_m, y_m in outline_m]
     labels = ["inner", "back", "outer", "front"]
-    arms = [
-        frustum(
-            f"{side}_arm",
-            corners,
-            0.14,
-            [0.0, sign * 0.085, 0.0],
-            material=material,
-            labels=faces,
-            top_scale=0.75,
-            top_shift_m=(0.02, sign * 0.004),
-        )
-        for side, sign, corners, faces in (
-            ("left", 1.0, outline, labels),
-            (
-                "right",
-                -1.0,
-                [(x_m, -y_m) for x_m, y_m in reversed(outline)],
-                ["outer", "back", "inner", "front"],
-            ),
-        )
-    ]
-    table = box("table", [0.40, 0.50, 0.03], [0.05, 0.0, -0.03], material="wood")
-    return assemble("foam_chair", [table, seat, *wings, *arms])
+    if sign < 0:  # a mirror image runs the other way round
+        corners_m = [corners_m[0], *reversed(corners_m[1:])]
+        labels.reverse()
+    shift_m = (lean_m[0], sign * lean_m[1])
+    origin_m = (0.0, 0.0, 0.0)
+    return frustum(
+        name, corners_m, height_m, origin_m, turned(), material, labels, top_shift_m=shift_m
+    )

@@ -18,8 +18,8 @@ class SeparatedPlanesParams:
 def separated_planes(params: SeparatedPlanesParams) -> Scene:
     """Hang seven rectangles around the world's origin, looking towards -X in general directions.
 
-    No two are parallel or perpendicular to each other, and none is symmetric to another about any
-    axis. They fit a square of 0.33 m, so two views aimed at the origin see each one whole.
+    No two normals are within 11 degrees of each other. The rectangles fit a square of 0.33 m, so
+    views aimed at the origin from nearly the same side see each one whole.
     """
     rows = [
         # width and height, place (x, y, z), then yaw, tilt and lean in degrees

@@ -112,6 +112,21 @@ class Jupiter:
         points_mm[..., 0] += path.step_mm * np.arange(path.profiles)[:, None]
         return Scan.from_points(points_mm, path.step_mm, apex_mm=self.apex_mm)
 
+    def outline(self, path: ViewPath) -> tuple[FloatArray, ...]:
+        """What a picture shows of a view, as polylines (k, 3) in world coordinates in mm.
+
+        First the line that the sensor's front travels, then the borders of the field at the first
+        and at the last profile.
+        """
+        params = self.params
+        depth_mm = np.array([params.near_mm, params.near_mm, params.far_mm, params.far_mm])
+        field_mm = np.zeros((5, 3))
+        field_mm[:4, 1] = params.edge_slope * (depth_mm + params.apex_depth_mm) * [-1, 1, 1, -1]
+        field_mm[:4, 2] = depth_mm
+        field_mm[4] = field_mm[0]
+        fields = (path.T_world_profile[k].apply(field_mm) for k in (0, -1))
+        return (path.T_world_profile.translation, *fields)
+
     def _cast(self, scene: Scene, path: ViewPath) -> tuple[FloatArray, IntArray]:
         """Depth in mm (profiles, pixels), NaN where nothing returns, and the surface."""
         params = self.params

@@ -22,8 +22,7 @@ class ViewPath:
     step_mm: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.step_mm) and self.step_mm > 0.0):
-            raise ValueError(f"step_mm is {self.step_mm}; expected a length above 0 mm")
+        _check_step(self.step_mm)
         if self.T_world_profile.single or len(self.T_world_profile) == 0:
             raise ValueError("T_world_profile holds no sequence of poses; expected one a profile")
 
@@ -42,6 +41,7 @@ def straight_line(T_world_view: RigidTransform, profiles: int, step_mm: float) -
     """Move the sensor along its own X without turning: profile k lies at x = k step_mm."""
     if profiles < 1:
         raise ValueError(f"profiles is {profiles}; expected at least 1")
+    _check_step(step_mm)
     along = np.zeros((profiles, 3))
     along[:, 0] = step_mm * np.arange(profiles)
     return ViewPath(T_world_view * RigidTransform.from_translation(along), step_mm)
@@ -72,3 +72,8 @@ def aimed_view(
     half_line_mm = 0.5 * step_mm * (profiles - 1)
     origin_mm = np.asarray(aim_mm, dtype=float) - rotation.apply([half_line_mm, 0.0, distance_mm])
     return RigidTransform.from_components(origin_mm, rotation)
+
+
+def _check_step(step_mm: float) -> None:
+    if not (np.isfinite(step_mm) and step_mm > 0.0):
+        raise ValueError(f"step_mm is {step_mm}; expected a length above 0 mm")
