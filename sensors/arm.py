@@ -212,7 +212,8 @@ def solve_joints(T_world_sensor: RigidTransform, params: ArmParams) -> FloatArra
 def _check_limits(joints: FloatArray, excess_mm: FloatArray) -> None:
     """Raise ReachError for the worst of joint values (profiles, 7)."""
     where = f"with the arm at {joints[0, 0]:.0f} mm of the track"
-    if (farthest := int(excess_mm.argmax())) >= 0 and excess_mm[farthest] > 0.0:
+    farthest = int(excess_mm.argmax())
+    if excess_mm[farthest] > 0.0:
         raise ReachError(
             f"profile {farthest}: joint 3 cannot stretch the arm to "
             f"{f3.REACH_MM + excess_mm[farthest]:.1f} mm from the shoulder to the wrist; its limit "
