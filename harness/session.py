@@ -12,7 +12,7 @@ from typing import Any
 from harness.config import Experiment, dump_yaml, load_experiment
 from harness.provenance import code_fingerprint, run_facts
 from harness.runner import Done, MakeExecutor, Task, run
-from harness.store import Store, load
+from harness.store import Store, StoreError, load
 from harness.table_files import Table, write_tables
 from harness.tables import all_tables
 from harness.trials import Trial, build_trials
@@ -69,8 +69,7 @@ def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
             pictures, clouds = session.folder / "figures", session.folder / "scans"
             tasks.append(Task(trial, keep, pictures if draw else None, clouds if draw else None))
     reused = sum(identity in done for identity in ids)
-    outdated = 0 if redraw else store.outdated(ids, session.code)
-    return Plan(tuple(tasks), reused, outdated)
+    return Plan(tuple(tasks), reused, store.outdated(ids, session.code))
 
 
 def execute(
@@ -91,7 +90,10 @@ def execute(
 
 def report(session: Session) -> list[Table]:
     """Build the tables from the rows and write them; raises StoreError."""
-    tables = all_tables(session.experiment, load(session.folder))
+    rows = load(session.folder)
+    if rows.empty:
+        raise StoreError(f"{session.folder} has no row of this configuration; run it first")
+    tables = all_tables(session.experiment, rows)
     write_tables(tables, session.folder / "tables")
     return tables
 

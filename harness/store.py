@@ -204,18 +204,23 @@ def load(folder: Path) -> pd.DataFrame:
         raise StoreError(f"{path} does not exist; run the experiment first")
     connection = _connect(path)
     try:
-        frame = pd.read_sql_query(
+        cursor = connection.execute(
             "SELECT run.pair, run.method, run.given, run.repeat, trials.*, timings.stage_ms "
-            "FROM run JOIN trials USING (id) JOIN timings USING (id) ORDER BY position",
-            connection,
+            "FROM run JOIN trials USING (id) JOIN timings USING (id) ORDER BY position"
         )
+        names = [name for name, *_ in cursor.description]
+        records = [dict(zip(names, record, strict=True)) for record in cursor]
     finally:
         connection.close()
-    for column in ("T_exact", "T_estimated", "covariance", "undetermined"):
-        frame[column] = pd.Series([_array(text) for text in frame[column]], dtype=object)
-    for column, prefix in (("counts", "n_"), ("stage_ms", "ms_")):
-        spread = pd.DataFrame([json.loads(text) for text in frame[column]], index=frame.index)
-        frame = frame.drop(columns=column).join(spread.add_prefix(prefix))
+    for record in records:
+        for name in ("T_exact", "T_estimated", "covariance", "undetermined"):
+            record[name] = _array(record[name])
+        for name, prefix in (("counts", "n_"), ("stage_ms", "ms_")):
+            values = json.loads(record.pop(name))
+            record |= {prefix + key: value for key, value in values.items()}
+    frame = pd.DataFrame(records, columns=None if records else names)
+    for name in ("rotation_error_deg", "translation_error_mm", "overlap_target", "overlap_source"):
+        frame[name] = frame[name].astype(np.float64)
     return frame.join(_parameters(frame))
 
 

@@ -15,7 +15,7 @@ from tabulate import tabulate
 class Table:
     """Rows with raw values, and how to print them.
 
-    name: the stem of its files. caption: what a reader must know to read it.
+    name: the stem of its files. caption: how to read it. note: what only this table has to say.
     formats: a format specification ("+.2f") by column; text columns have none.
     """
 
@@ -24,6 +24,12 @@ class Table:
     caption: str
     frame: pd.DataFrame
     formats: dict[str, str] = field(default_factory=dict)
+    note: str = ""
+
+    @property
+    def legend(self) -> str:
+        """Caption and note."""
+        return f"{self.caption} {self.note}".strip()
 
     def text(self) -> list[list[str]]:
         """The rows as printed; nothing where there is no number."""
@@ -54,13 +60,14 @@ def write_tables(tables: Iterable[Table], folder: Path) -> list[Path]:
             disable_numparse=True,
         )  # fmt: skip
         csv = folder / f"{table.name}.csv"
-        table.frame.to_csv(csv, index=False, lineterminator="\n")
+        # Beyond the ninth decimal there is only rounding.
+        table.frame.round(9).to_csv(csv, index=False, lineterminator="\n")
         (folder / f"{table.name}.md").write_text(
-            f"**{table.title}.** {table.caption}\n\n{plain}\n", encoding="utf-8"
+            f"**{table.title}.** {table.legend}\n\n{plain}\n", encoding="utf-8"
         )
         (folder / f"{table.name}.tex").write_text(
             "% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\n"
-            f"\\caption{{{_escaped(table.title)}. {_escaped(table.caption)}}}\n"
+            f"\\caption{{{_escaped(table.title)}. {_escaped(table.legend)}}}\n"
             f"{latex}\n\\end{{table}}\n",
             encoding="utf-8",
         )
@@ -76,7 +83,7 @@ def _printed(value: object, specification: str) -> str:
             return "none"
         text = format(value, specification)
         # -0.00 says no more than 0.00.
-        return text if text.strip("+-0.") else format(0.0, specification).replace("+", "")
+        return text if text.strip("+-0.") else text.lstrip("+-")
     return str(value)
 
 

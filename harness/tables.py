@@ -39,18 +39,18 @@ ENTRIES = {
 
 
 def all_tables(experiment: Experiment, rows: pd.DataFrame) -> list[Table]:
-    """Every table there are rows for: stages, successes, accuracy, failures, pairs, timings.
+    """Every table there are rows for: stages, successes, accuracy, failures, pairs and times.
 
     rows: as store.load gives them.
     """
     whole = rows[rows["given"] == ""]
-    tables = [success_table(whole), accuracy_table(whole), timing_table(whole)]
+    tables = [success_table(whole), accuracy_table(whole)]
     if len(rows) > len(whole):
         tables.insert(0, stage_table(rows))
     failures = failure_table(rows)
     if len(failures.frame):
         tables.append(failures)
-    return tables + list(pair_tables(experiment, whole))
+    return [*tables, *pair_tables(experiment, whole), timing_table(whole)]
 
 
 def pair_tables(experiment: Experiment, rows: pd.DataFrame) -> Iterator[Table]:
@@ -100,7 +100,7 @@ def _pair_table(
                 ("translation_error_mm", ""),
             )
         ]
-    caption = _pair_caption(experiment, pair, rows, len(known))
+    caption = _pair_caption(experiment, pair, len(rows))
     signed = dict.fromkeys(("Exact", "Thesis's estimate", "Our estimate"), ".2f")
     signed |= dict.fromkeys(("Our error", "Thesis's error"), "+.2f")
     frame = pd.DataFrame(columns)
@@ -112,28 +112,32 @@ def _pair_table(
         caption,
         frame,
         {column: signed[column] for column in frame.columns if column in signed},
+        _pair_note(rows, len(known)),
     )
 
 
-def _pair_caption(experiment: Experiment, pair: Pair, rows: pd.DataFrame, n_known: int) -> str:
-    first = rows.iloc[0]
+def _pair_caption(experiment: Experiment, pair: Pair, repeats: int) -> str:
     text = (
         "Pose of the source view in the frame of the target view. Our estimate and error are those "
         "of repeat 0, the one that the figures show; an error is estimate minus exact value, the "
         "last two rows are the angle and the length of the whole error."
     )
-    if len(rows) > 1:
-        text += (
-            f" All repeats: median [smallest, largest] of the {n_known} of {len(rows)} with an "
-            "estimate."
-        )
+    if repeats > 1:
+        text += " All repeats: median [smallest, largest] of those with an estimate."
     if pair.printed is not None and experiment.rotation_labels != "printed":
         text += (
             " The thesis prints its large turn under a label that names another axis; its values "
             "stand beside the axis that was turned "
             f"(rotation_labels: {experiment.rotation_labels})."
         )
-    text += f" Of the source's points the target view sees {first['overlap_source']:.0%}."
+    return text
+
+
+def _pair_note(rows: pd.DataFrame, n_known: int) -> str:
+    first = rows.iloc[0]
+    text = f"{n_known} of {len(rows)} repeats have an estimate."
+    if not np.isnan(first["overlap_source"]):
+        text += f" The target view sees {first['overlap_source']:.0%} of the source's points."
     if first["status"] != "ok":
         text += f" Repeat 0: {first['status']}: {first['reason']}."
     return text

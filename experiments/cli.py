@@ -1,0 +1,158 @@
+"""The command `run-experiment`: parses, calls the harness, prints; errors become one line here."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
+
+DESCRIPTION = """\
+Run an experiment: scan a scene in simulation, register pairs of views, score the estimates against
+the exact poses, and write rows, tables, figures and point clouds to a results folder. A run that
+was cut off goes on where it stopped; rows that are there are reused."""
+
+EXAMPLES = """\
+examples:
+  run-experiment configs/desk.yaml
+  run-experiment configs/desk.yaml --set scan.profiles=60 --set repeats=1 --out results/short
+  run-experiment configs/desk.yaml --set pairs.6.4.source=right --dry-run
+  run-experiment --list
+  run-experiment --show-scene desk
+
+exit status: 0 done, 1 when trials ended with an error, 2 when the request is wrong (nothing is
+written then), 130 when interrupted."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns the exit status."""
+    options = _parser().parse_args(argv)
+    # Everything below imports numpy and more; help and usage errors must not wait for that.
+    from harness.config_errors import ConfigError
+
+    try:
+        if options.list:
+            return _list()
+    except ConfigError as error:
+        return _refuse(error)
+    from harness.store import StoreError
+
+    try:
+        if options.show_scene is not None:
+            return _show_scene(options.show_scene, options.out)
+        return _run(options)
+    except (ConfigError, StoreError) as error:
+        return _refuse(error)
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of our output is gone, as with `| head`
+        return EXIT_FAILED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="run-experiment",
+        description=DESCRIPTION,
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("config", nargs="?", type=Path, metavar="CONFIG", help="a YAML file")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change one key of the config, dotted, the value in YAML; may be repeated",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="results folder [results/<name of the config>]"
+    )
+    parser.add_argument("--seed", type=_natural, metavar="N", help="replaces the config's seed")
+    parser.add_argument(
+        "--workers", type=_positive, metavar="N", help="processes [one for each core]"
+    )
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument(
+        "--report-only",
+        action="store_true",
+        help="compute no rows: build tables, figures and clouds again from those at hand",
+    )
+    what.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="check the config, count the trials and estimate the time; write nothing",
+    )
+    what.add_argument("--trial", metavar="ID", help="replay one trial, print it, write nothing")
+    what.add_argument("--list", action="store_true", help="list the configs, one line each")
+    what.add_argument(
+        "--show-scene", metavar="NAME", help="save a picture of a scene, as DIR/NAME.png with --out"
+    )
+    return parser
+
+
+def _refuse(error: Exception) -> int:
+    print(f"run-experiment: {error}", file=sys.stderr)
+    return EXIT_USAGE
+
+
+def _natural(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0")
+    return int(text)
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1")
+    return int(text)
+
+
+def _list() -> int:
+    from harness.config import read_mapping
+
+    folder = Path("configs")
+    if not folder.is_dir():
+        folder = Path(__file__).resolve().parent.parent / "configs"
+    files = sorted(folder.glob("*.yaml"))
+    width = max((len(str(file)) for file in files), default=0)
+    for file in files:
+        data = read_mapping(file)
+        text = " ".join(str(data.get("description") or data.get("title", "")).split())
+        print(f"{file!s:{width}}  {text}")
+    return EXIT_OK
+
+
+def _show_scene(name: str, out: Path | None) -> int:
+    from harness.config_errors import ConfigError, nearest
+    from scenes import SCENES
+    from scenes.picture import save_picture
+
+    if name not in SCENES:
+        raise ConfigError("--show-scene", (), f"unknown scene {name!r}; {nearest(name, SCENES)}")
+    entry = SCENES[name]
+    path = (out or Path("results") / "scenes") / f"{name}.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_picture(entry.builder(entry.params_type()), path)
+    print(path)
+    return EXIT_OK
+
+
+def _run(options: argparse.Namespace) -> int:
+    from experiments import commands
+    from harness.config_errors import ConfigError
+    from harness.session import open_session
+
+    if options.config is None:
+        raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
+    session = open_session(options.config, options.out, options.set, options.seed)
+    if options.trial is not None:
+        return commands.replay(session, options.trial)
+    if options.dry_run:
+        return commands.dry_run(session, options.workers)
+    return commands.run_all(session, options.workers, redraw=options.report_only)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

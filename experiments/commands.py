@@ -1,0 +1,162 @@
+"""What `run-experiment` does once its request is checked: run, rehearse, replay."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+import time
+
+from rich.console import Console
+
+from experiments.cli import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK
+from experiments.terminal import (
+    make_console,
+    outcome,
+    reporting,
+    show_paths,
+    show_tables,
+    trial_name,
+)
+from harness.config_errors import ConfigError
+from harness.runner import Done, process_pool
+from harness.scoring import six_parameters
+from harness.session import Session, execute, plan, report
+from harness.store import FILE_NAME, Store, StoreError, load
+from harness.trials import Trial
+
+REHEARSED = 3  # trials that a dry run times
+
+
+def run_all(session: Session, workers: int | None, redraw: bool) -> int:
+    """Compute what is missing, then write and show tables; returns the exit status."""
+    console = make_console()
+    workers = workers or available_cores()
+    if redraw and not (session.folder / FILE_NAME).exists():
+        raise StoreError(f"{session.folder / FILE_NAME} does not exist; run the experiment first")
+    make_executor = process_pool(min(workers, len(session.trials)))
+    start = time.perf_counter()
+    ended: list[Done] = []
+    with Store(session.folder) as store:
+        planned = plan(session, store, redraw)
+        if planned.outdated:
+            then = "the figures are not" if redraw else "they are computed again"
+            console.print(
+                f"{planned.outdated} rows were computed by other code: {then}", markup=False
+            )
+        try:
+            with reporting(console, len(planned.tasks)) as reporter:
+                for done in execute(session, store, planned, make_executor):
+                    ended.append(done)
+                    reporter.tell(done)
+        except KeyboardInterrupt:
+            kept = sum(done.task.keep for done in ended)
+            again = shlex.join(["run-experiment", *sys.argv[1:]])
+            print(
+                f"\nInterrupted: {kept} of {planned.missing} missing rows are kept in "
+                f"{session.folder}. To go on: {again}",
+                file=sys.stderr,
+            )
+            return EXIT_INTERRUPTED
+    show_tables(console, report(session))
+    tell_no_overlap(console, session)
+    show_paths(console, session.folder)
+    rows = [done.row for done in ended if done.task.keep]
+    errors = [row for row in rows if row.status == "error"]
+    undrawn = sum(bool(done.drawing_error) for done in ended)
+    console.print(
+        f"{len(rows)} trials computed, {planned.reused} reused, {len(errors)} with an error; "
+        f"{time.perf_counter() - start:.1f} s with {workers} workers",
+        markup=False,
+    )
+    for row in errors:
+        print(f"trial {row.id}: {row.reason}", file=sys.stderr)
+    return EXIT_FAILED if errors or undrawn else EXIT_OK
+
+
+def dry_run(session: Session, workers: int | None) -> int:
+    """Count the trials, show the first, time some; writes nothing."""
+    console = make_console()
+    workers = min(workers or available_cores(), len(session.trials))
+    console.print(f"{session.experiment.title}: {len(session.trials)} trials", markup=False)
+    for trial in session.trials[:REHEARSED]:
+        console.print(f"  {trial.id}  {trial_name(trial)}", markup=False, soft_wrap=True)
+    console.print("  ..." if len(session.trials) > REHEARSED else "", markup=False)
+    from harness.execution import perform
+
+    perform(session.trials[0])  # the first one compiles and loads, which no other has to do
+    rehearsed = session.trials[1 : 1 + REHEARSED] or session.trials
+    start = time.perf_counter()
+    for trial in rehearsed:
+        row = perform(trial).row
+        console.print(f"{trial_name(trial)}: {outcome(row)}", markup=False, soft_wrap=True)
+    each_s = (time.perf_counter() - start) / len(rehearsed)
+    total_s = each_s * len(session.trials) / workers
+    console.print(
+        f"{each_s:.2f} s a trial: about {total_s:.0f} s with {workers} workers, figures apart; "
+        f"rows would go to {session.folder}",
+        markup=False,
+    )
+    return EXIT_OK
+
+
+def replay(session: Session, identity: str) -> int:
+    """Perform one trial in this process and print its row; writes nothing."""
+    from harness.execution import perform
+
+    trial = find_trial(session, identity)
+    row = perform(trial).row
+    console = make_console()
+    console.print(f"trial {trial.id}: {trial_name(trial)}", markup=False)
+    console.print(outcome(row), markup=False, soft_wrap=True)
+    for name, pose in (("exact", row.T_exact), ("estimated", row.T_estimated)):
+        if pose is not None:
+            six = six_parameters(pose)
+            console.print(
+                f"{name:9}  rotation X, Y, Z {six[0]:9.3f} {six[1]:9.3f} {six[2]:9.3f} deg   "
+                f"translation {six[3]:9.2f} {six[4]:9.2f} {six[5]:9.2f} mm",
+                markup=False,
+                soft_wrap=True,
+            )
+    if row.overlap_target is not None and row.overlap_source is not None:
+        console.print(
+            f"overlap    {row.overlap_source:.1%} of the source's points, "
+            f"{row.overlap_target:.1%} of the target's",
+            markup=False,
+        )
+    for what, values, unit in (("counts", row.counts, ""), ("times", row.stage_ms, " ms")):
+        text = ", ".join(f"{name} {value:.0f}{unit}" for name, value in values.items())
+        if text:
+            console.print(f"{what:9}  {text}", markup=False, soft_wrap=True)
+    if row.traceback:
+        console.print(row.traceback, markup=False, soft_wrap=True)
+    return EXIT_FAILED if row.status == "error" else EXIT_OK
+
+
+def find_trial(session: Session, identity: str) -> Trial:
+    """The trial whose id begins so; raises ConfigError."""
+    found = {t.id: t for t in session.trials if identity and t.id.startswith(identity)}
+    if len(found) == 1:
+        return next(iter(found.values()))
+    problem = "matches several trials" if found else "is no trial of this config"
+    raise ConfigError(
+        "--trial", (), f"{identity!r} {problem}; it begins with {session.trials[0].id}"
+    )
+
+
+def tell_no_overlap(console: Console, session: Session) -> None:
+    """One line for each pair whose views share nothing."""
+    rows = load(session.folder)
+    for pair, group in rows[rows["status"] == "no_overlap"].groupby("pair", sort=False):
+        console.print(
+            f"Pair {pair} was not registered: {group['reason'].iloc[0]}.",
+            markup=False,
+            soft_wrap=True,
+        )
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

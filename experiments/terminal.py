@@ -1,0 +1,140 @@
+"""What the command shows: progress while it works, tables and paths at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table as RichTable
+
+from harness.runner import Done
+from harness.store import Row
+from harness.table_files import Table
+from harness.trials import Trial
+
+# Columns of text are as wide as their words where nobody watches: a log is not cut to 80 columns.
+LOG_WIDTH = 160
+
+# Of a long table, as of many failures, the terminal shows the beginning; the files have it all.
+SHOWN_ROWS = 12
+
+
+def make_console() -> Console:
+    """The terminal, or a wide plain one when the output goes to a file."""
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=LOG_WIDTH)
+
+
+class Reporter:
+    """Tells of every task that ended: a bar on a terminal, a line each elsewhere."""
+
+    def __init__(self, console: Console, progress: Progress | None, total: int) -> None:
+        self._console = console
+        self._progress = progress
+        self._bar = None if progress is None else progress.add_task("trials", total=total)
+        self._total = total
+        self._ended = 0
+
+    def tell(self, done: Done) -> None:
+        """Report one task."""
+        self._ended += 1
+        row = done.row
+        line = f"{trial_name(done.task.trial)}: {outcome(row)}"
+        if not done.task.keep:
+            line = f"{trial_name(done.task.trial)}: figures"
+        if self._progress is None or self._bar is None:
+            self._console.print(
+                f"[{self._ended}/{self._total}] {line}", markup=False, soft_wrap=True
+            )
+        else:
+            self._progress.update(self._bar, advance=1, description=escape(line[:60]))
+        if done.drawing_error:
+            self._console.print(
+                f"figures of {trial_name(done.task.trial)}: {done.drawing_error}", markup=False
+            )
+
+
+@contextmanager
+def reporting(console: Console, total: int) -> Iterator[Reporter]:
+    """A reporter for so many tasks."""
+    if not console.is_terminal or total == 0:
+        yield Reporter(console, None, total)
+        return
+    columns = (
+        BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )  # fmt: skip
+    with Progress(*columns, console=console, transient=True) as progress:
+        yield Reporter(console, progress, total)
+
+
+def trial_name(trial: Trial) -> str:
+    """A trial as a reader of the config knows it."""
+    entered = f" with true {trial.spec.given}" if trial.spec.given else ""
+    return f"{trial.pair}, {trial.label}{entered}, repeat {trial.spec.repeat}"
+
+
+def outcome(row: Row) -> str:
+    """The end of a trial in a few words."""
+    if row.rotation_error_deg is None or row.translation_error_mm is None:
+        return f"{row.status}: {row.reason}"
+    errors = f"{row.rotation_error_deg:.3f} deg, {row.translation_error_mm:.2f} mm off"
+    return f"{row.status}, {errors}" + (f" ({row.reason})" if row.reason else "")
+
+
+def show_tables(console: Console, tables: Iterable[Table]) -> None:
+    """Print the tables, each caption once; where a method has no estimate its reason is enough."""
+    told: set[str] = set()
+    for table in tables:
+        estimates = table.frame.get("Our estimate")
+        if estimates is not None and estimates.isna().all():
+            console.print(f"{table.title}: {table.note}\n", markup=False)
+            continue
+        caption = table.note if table.caption in told else table.legend
+        told.add(table.caption)
+        _show_table(console, table, caption)
+
+
+def _show_table(console: Console, table: Table, caption: str) -> None:
+    shown = RichTable(
+        title=escape(table.title),
+        title_justify="left",
+        title_style="bold",
+        caption=escape(caption),
+        caption_justify="left",
+        caption_style="dim",
+        box=box.SIMPLE_HEAD,
+    )
+    for column in table.frame.columns:
+        shown.add_column(escape(column), justify="right" if column in table.formats else "left")
+    rows = table.text()
+    shortened = len(rows) > SHOWN_ROWS
+    for row in rows[:SHOWN_ROWS]:
+        shown.add_row(*(escape(cell) for cell in row))
+    if shortened:
+        shown.caption = f"The first {SHOWN_ROWS} of {len(rows)}. {shown.caption}"
+    console.print(shown)
+    console.print()
+
+
+def show_paths(console: Console, folder: Path) -> None:
+    """Print what a results folder holds, one line a kind."""
+    console.print("Written:", markup=False)
+    for pattern, what in (
+        ("tables/*.csv", "tables as csv, md and tex"),
+        ("figures/*", "figures"),
+        ("scans/*.ply", "scans and merged clouds, in mm"),
+        ("trials.sqlite", "one row a trial"),
+        ("config.yaml", "the configuration with all defaults"),
+        ("run.json", "versions and machine"),
+    ):
+        files = sorted(folder.glob(pattern))
+        if files:
+            count = f"{len(files)} " if "*" in pattern else ""
+            place = folder / pattern.split("*")[0]
+            console.print(f"  {place}  {count}{what}", markup=False, soft_wrap=True)
