@@ -6,12 +6,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from sensors.jupiter import Jupiter, JupiterParams
+from sensors.sensor import Sensor
 
 
 class SensorEntry(NamedTuple):
     """A sensor: factory(params) makes one, params of type params_type."""
 
-    factory: Callable[[Any], Any]
+    factory: Callable[[Any], Sensor]
     params_type: type
 
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from registration.scan import FloatArray, IntArray, Scan
+from registration.scan import BoolArray, FloatArray, IntArray, Scan
 from scenes.rays import cast_fans, ray_target
 from scenes.scene import Scene
 from sensors.noise import NoiseParams, measured_depth
 from sensors.paths import ViewPath
+from sensors.sensor import Hits
 
 
 @dataclass(frozen=True)
@@ -59,26 +59,6 @@ class JupiterParams:
 
 
 @dataclass(frozen=True)
-class Hits:
-    """What the rays of a view meet, exact and without noise.
-
-    points_mm: (profiles, pixels, 3) in the view frame, NaN where nothing returns.
-    surface: (profiles, pixels) index into the scene's surfaces, -1 where nothing returns.
-    normal: (profiles, pixels, 3) of that surface in the view frame, out of the object and so
-        towards the sensor; NaN where nothing returns.
-    """
-
-    points_mm: FloatArray
-    surface: IntArray
-    normal: FloatArray
-
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """(profiles, pixels) True where something returns."""
-        return self.surface >= 0
-
-
-@dataclass(frozen=True)
 class Jupiter:
     """A sensor; its frame has X along the motion, Y along the profile, Z in depth."""
 
@@ -112,6 +92,12 @@ class Jupiter:
         points_mm[..., 0] += path.step_mm * np.arange(path.profiles)[:, None]
         return Scan.from_points(points_mm, path.step_mm, apex_mm=self.apex_mm)
 
+    def in_field(self, points_mm: FloatArray) -> BoolArray:
+        """Whether Y and Z of points (n, 3) in the sensor frame lie in the field and the range."""
+        depth_mm = points_mm[:, 2] + self.params.apex_depth_mm
+        edge_mm = self.params.edge_slope * (1.0 + 1e-9) * depth_mm  # with the outermost ray
+        return self._in_range(points_mm[:, 2]) & (np.abs(points_mm[:, 1]) <= edge_mm)
+
     def outline(self, path: ViewPath) -> tuple[FloatArray, ...]:
         """What a picture shows of a view, as polylines (k, 3) in world coordinates in mm.
 
@@ -137,10 +123,15 @@ class Jupiter:
         apexes_mm = path.T_world_profile.apply(self.apex_mm)
         depth_m, surface = cast_fans(scene, apexes_mm / 1000.0, directions)
         depth_mm = 1000.0 * depth_m - params.apex_depth_mm
-        if params.range_limits:
-            outside = ~((depth_mm >= params.near_mm) & (depth_mm <= params.far_mm))
-            depth_mm[outside], surface[outside] = np.nan, -1
+        outside = ~self._in_range(depth_mm)
+        depth_mm[outside], surface[outside] = np.nan, -1
         return depth_mm, surface
+
+    def _in_range(self, depth_mm: FloatArray) -> BoolArray:
+        """False for NaN and for depths that are not measured."""
+        if not self.params.range_limits:
+            return depth_mm > -self.params.apex_depth_mm
+        return (depth_mm >= self.params.near_mm) & (depth_mm <= self.params.far_mm)
 
     def _points(self, depth_mm: FloatArray) -> FloatArray:
         """Points (profiles, pixels, 3) at the given depths, each in its own profile's frame."""

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from registration.scan import FloatArray, IntArray
 from scenes.rays import cast_rays
 from scenes.scene import Scene
-from sensors.jupiter import Jupiter
 from sensors.paths import ViewPath
+from sensors.sensor import Sensor
 
 
-def overlap(sensor: Jupiter, scene: Scene, path_a: ViewPath, path_b: ViewPath) -> float:
+def overlap(sensor: Sensor, scene: Scene, path_a: ViewPath, path_b: ViewPath) -> float:
     """Share of the points view a measures that view b sees too; 0 when a measures nothing.
 
     Free of noise: points are where the rays of view a meet the surfaces.
@@ -26,7 +26,7 @@ def overlap(sensor: Jupiter, scene: Scene, path_a: ViewPath, path_b: ViewPath) -
 
 
 def seen(
-    sensor: Jupiter, scene: Scene, path: ViewPath, points_mm: FloatArray, surface: IntArray
+    sensor: Sensor, scene: Scene, path: ViewPath, points_mm: FloatArray, surface: IntArray
 ) -> NDArray[np.bool_]:
     """Whether a view sees each point: in its swept field and range, and not occluded.
 
@@ -34,14 +34,9 @@ def seen(
     The field is taken as swept without gaps: a point between two profiles is looked at from the
     nearer one, and the sweep ends half a step beyond the first and the last profile.
     """
-    params = sensor.params
     profile, x_mm = _nearest_profile(path, points_mm)
     local_mm = path.T_world_profile[profile].inv().apply(points_mm)
-    depth_mm = local_mm[:, 2] + params.apex_depth_mm
-    inside = (np.abs(x_mm) <= 0.5 * path.step_mm) & (depth_mm > 0.0)
-    inside &= np.abs(local_mm[:, 1]) <= params.edge_slope * (1.0 + 1e-9) * depth_mm
-    if params.range_limits:
-        inside &= (local_mm[:, 2] >= params.near_mm) & (local_mm[:, 2] <= params.far_mm)
+    inside = (np.abs(x_mm) <= 0.5 * path.step_mm) & sensor.in_field(local_mm)
     chosen = np.flatnonzero(inside)
     chosen = chosen[np.argsort(profile[chosen], kind="stable")]
     apexes_mm = path.T_world_profile.apply(sensor.apex_mm)

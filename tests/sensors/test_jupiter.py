@@ -8,9 +8,10 @@ from scenes.flat_target import FlatTargetParams, flat_target
 from scenes.scene import Scene, moved
 from scenes.solids import assemble, box
 from sensors import SENSORS
-from sensors.jupiter import Hits, Jupiter, JupiterParams, lateral_slopes
+from sensors.jupiter import Jupiter, JupiterParams, lateral_slopes
 from sensors.noise import NoiseParams
 from sensors.paths import ViewPath, aimed_view, straight_line
+from sensors.sensor import Hits
 
 EXACT = Jupiter(JupiterParams(noise=NoiseParams(gaussian=False, quantised=False)))
 NOISY = Jupiter()
