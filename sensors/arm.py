@@ -164,8 +164,8 @@ def next_view(
 ) -> RigidTransform:
     """Commanded pose of the view that appendix B reaches from joints (7,) by waist and track.
 
-    Raises ReachError where the waist or the track would pass its limit (the thesis's program stops
-    at the end of the track instead, and registers against a place it did not mean).
+    Raises ReachError where the waist or the track would pass its limit; at the end of the track
+    the thesis's program goes on from there with a message.
     """
     moved = np.array(counts, dtype=np.int64)
     moved[0] += track_pulses

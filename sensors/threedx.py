@@ -112,7 +112,13 @@ def decode(stream: BinaryIO) -> RawProfiles:
     stream.seek(0)
     layout, head = _layout(stream, size)
     stream.seek(layout.header.size)
-    table = np.frombuffer(stream.read(layout.end - layout.header.size), layout.table_dtype())
+    data = stream.read(layout.end - layout.header.size)
+    if layout.header.size + len(data) != layout.end:  # somebody is writing the file
+        raise ThreeDxError(
+            f"offset {layout.header.size + len(data)}: the file ended here while it was read; "
+            f"it had {size} bytes"
+        )
+    table = np.frombuffer(data, layout.table_dtype())
     differing = np.flatnonzero(table["pixels"] != layout.pixels)
     if differing.size:
         k = int(differing[0])

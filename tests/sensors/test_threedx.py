@@ -219,6 +219,17 @@ def test_announced_gigabytes_are_not_allocated():
     assert peak_bytes < 200_000
 
 
+def test_file_that_shrinks_while_it_is_read_is_refused():
+    class Shrinking(io.BytesIO):
+        def read(self, size: int | None = -1, /) -> bytes:
+            data = super().read(size)
+            return data[:1000]
+
+    data = threedx.encode(random_raw(10))
+    with pytest.raises(ThreeDxError, match=rf"^offset 1030: .* it had {len(data)} bytes"):
+        threedx.decode(Shrinking(data))
+
+
 def test_file_error_names_the_file(tmp_path):
     path = tmp_path / "left.3dx"
     raw = random_raw(8)
