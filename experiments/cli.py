@@ -40,8 +40,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     from harness.store import StoreError
 
     try:
-        if options.show_scene is not None:
-            return _show_scene(options.show_scene, options.out)
         return _run(options)
     except (ConfigError, StoreError) as error:
         return _refuse(error)
@@ -87,7 +85,10 @@ def _parser() -> argparse.ArgumentParser:
     what.add_argument("--trial", metavar="ID", help="replay one trial, print it, write nothing")
     what.add_argument("--list", action="store_true", help="list the configs, one line each")
     what.add_argument(
-        "--show-scene", metavar="NAME", help="save a picture of a scene, as DIR/NAME.png with --out"
+        "--show-scene",
+        metavar="NAME",
+        help="save a picture of a scene to results/scenes or DIR; with CONFIG, that of its scene "
+        "and views",
     )
     return parser
 
@@ -124,26 +125,13 @@ def _list() -> int:
     return EXIT_OK
 
 
-def _show_scene(name: str, out: Path | None) -> int:
-    from harness.config_errors import ConfigError, nearest
-    from scenes import SCENES
-    from scenes.picture import save_picture
-
-    if name not in SCENES:
-        raise ConfigError("--show-scene", (), f"unknown scene {name!r}; {nearest(name, SCENES)}")
-    entry = SCENES[name]
-    path = (out or Path("results") / "scenes") / f"{name}.png"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_picture(entry.builder(entry.params_type()), path)
-    print(path)
-    return EXIT_OK
-
-
 def _run(options: argparse.Namespace) -> int:
     from experiments import commands
     from harness.config_errors import ConfigError
     from harness.session import open_session
 
+    if options.show_scene is not None:
+        return commands.show_scene(options.show_scene, options.config, options.out, options.set)
     if options.config is None:
         raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     session = open_session(options.config, options.out, options.set, options.seed)

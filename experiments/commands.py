@@ -6,6 +6,8 @@ import os
 import shlex
 import sys
 import time
+from collections.abc import Sequence
+from pathlib import Path
 
 from rich.console import Console
 
@@ -18,12 +20,13 @@ from experiments.terminal import (
     show_tables,
     trial_name,
 )
-from harness.config_errors import ConfigError
+from harness.config_errors import ConfigError, nearest
 from harness.runner import Done, process_pool
 from harness.scoring import six_parameters
-from harness.session import Session, execute, plan, report
+from harness.session import Session, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load
 from harness.trials import Trial
+from sensors import SENSORS
 
 REHEARSED = 3  # trials that a dry run times
 
@@ -131,6 +134,33 @@ def replay(session: Session, identity: str) -> int:
     if row.traceback:
         console.print(row.traceback, markup=False, soft_wrap=True)
     return EXIT_FAILED if row.status == "error" else EXIT_OK
+
+
+def show_scene(
+    name: str, config: Path | None, folder: Path | None, overrides: Sequence[str]
+) -> int:
+    """Save a picture of a scene, with the views of a config when one is given."""
+    from scenes import SCENES
+    from scenes.picture import save_picture
+
+    if name not in SCENES:
+        raise ConfigError("--show-scene", (), f"unknown scene {name!r}; {nearest(name, SCENES)}")
+    params, outlines = SCENES[name].params_type(), None
+    if config is not None:
+        session = open_session(config, folder, overrides)
+        spec = session.trials[0].spec
+        if spec.scene.name != name:
+            message = f"{config} has scene {spec.scene.name!r}, not {name!r}"
+            raise ConfigError("--show-scene", (), message)
+        params = spec.scene.params
+        sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
+        views = {view.name: view for t in session.trials for view in (t.spec.source, t.spec.target)}
+        outlines = {key: sensor.outline(spec.path(view)) for key, view in views.items()}
+    path = (folder or Path("results") / "scenes") / f"{name}.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_picture(SCENES[name].builder(params), path, outlines)
+    print(path)
+    return EXIT_OK
 
 
 def find_trial(session: Session, identity: str) -> Trial:

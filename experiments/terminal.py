@@ -75,7 +75,7 @@ def reporting(console: Console, total: int) -> Iterator[Reporter]:
 
 def trial_name(trial: Trial) -> str:
     """A trial as a reader of the config knows it."""
-    entered = f" with true {trial.spec.given}" if trial.spec.given else ""
+    entered = f" with true {trial.spec.given.replace('_', ' ')}" if trial.spec.given else ""
     return f"{trial.pair}, {trial.label}{entered}, repeat {trial.spec.repeat}"
 
 

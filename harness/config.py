@@ -19,7 +19,7 @@ Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 Vector = tuple[float, float, float]
 Angles = tuple[Angle, Angle, Angle]
 RotationLabels = Literal["printed", "swapped", "cyclic"]
-Truth = Literal["segments", "patches", "rotation"]
+Truth = Literal["segments", "patches", "shared_patches", "rotation"]
 
 
 class Strict(BaseModel):
@@ -39,7 +39,8 @@ class MethodChoice(Choice):
     """A registration method; a preset of its parameters that `params` may refine.
 
     given: for method `thesis`, trials that enter the method with the truth in place of these
-        stages, tabulated beside the full pipeline.
+        stages, tabulated beside the full pipeline: exact segments, exact patches, exact patches
+        cut to what both views see, or the exact rotation with the patches that were found.
     """
 
     preset: str | None = None

@@ -17,7 +17,10 @@ from registration.thesis.patches import Patches, build_patches
 from registration.thesis.pipeline import register_patches, register_scans, register_segments
 from registration.thesis.rotation import RotationSearch
 from registration.thesis.segments import Segments
-from sensors.jupiter import Hits
+from scenes.scene import Scene
+from sensors.overlap import seen
+from sensors.paths import ViewPath
+from sensors.sensor import Hits, Sensor
 
 TOUCHING = np.ones((3, 3), dtype=bool)  # pixels of a face that meet at a corner are connected
 
@@ -94,6 +97,19 @@ def true_patches(hits: Hits, step_mm: float, apex_mm: FloatArray, params: Thesis
     segments, part = true_segments(hits, step_mm, apex_mm, params.segments.min_points)
     exact = PatchParams(triplets="fitted", min_profiles=params.patches.min_profiles)
     return build_patches(segments, part, exact)
+
+
+def only_shared(hits: Hits, sensor: Sensor, scene: Scene, path: ViewPath, other: ViewPath) -> Hits:
+    """The hits of a view without those that the other view does not see."""
+    valid = hits.valid
+    points_mm = path.T_world_view.apply(hits.points_mm[valid])
+    lost = np.zeros(valid.shape, dtype=bool)
+    lost[valid] = ~seen(sensor, scene, other, points_mm, hits.surface[valid])
+    return Hits(
+        np.where(lost[..., None], np.nan, hits.points_mm),
+        np.where(lost, -1, hits.surface),
+        np.where(lost[..., None], np.nan, hits.normal),
+    )
 
 
 def visible_parts(surface: IntArray) -> IntArray:

@@ -24,6 +24,7 @@ from scenes import SCENES
 from scenes.scene import Scene
 from sensors import SENSORS
 from sensors.overlap import overlap
+from sensors.sensor import Hits, Sensor
 
 T = TypeVar("T")
 
@@ -75,11 +76,10 @@ def perform(trial: Trial) -> Outcome:
 def scan_view(spec: TrialSpec, view: ViewSpec) -> Scan:
     """The scan of one view of a trial, made once for all trials of a process that share it."""
 
-    def make() -> Scan:
-        scan: Scan = _sensor(spec).scan(_scene(spec), spec.path(view), spec.view_rng(view))
-        return scan
-
-    return _scans.get(spec.view_key(view), make)
+    return _scans.get(
+        spec.view_key(view),
+        lambda: _sensor(spec).scan(_scene(spec), spec.path(view), spec.view_rng(view)),
+    )
 
 
 def _perform(trial: Trial) -> Outcome:
@@ -149,13 +149,18 @@ def _register(spec: TrialSpec, target: Scan, source: Scan) -> RegistrationResult
     if spec.given == "rotation":
         T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
         return diagnosis.register_with_true_rotation(target, source, T_exact, spec.method.params)
-    enter = {
-        "segments": diagnosis.register_with_true_segments,
-        "patches": diagnosis.register_with_true_patches,
-    }[spec.given]
-    target_hits, source_hits = _view_hits(spec, spec.target), _view_hits(spec, spec.source)
-    apex_mm = _sensor(spec).apex_mm
-    return enter(target_hits, source_hits, spec.step_mm, apex_mm, spec.method.params)
+    hits = _view_hits(spec, spec.target), _view_hits(spec, spec.source)
+    if spec.given == "shared_patches":
+        sensor, scene = _sensor(spec), _scene(spec)
+        paths = spec.path(spec.target), spec.path(spec.source)
+        hits = (
+            diagnosis.only_shared(hits[0], sensor, scene, paths[0], paths[1]),
+            diagnosis.only_shared(hits[1], sensor, scene, paths[1], paths[0]),
+        )
+    enter = diagnosis.register_with_true_patches
+    if spec.given == "segments":
+        enter = diagnosis.register_with_true_segments
+    return enter(*hits, spec.step_mm, _sensor(spec).apex_mm, spec.method.params)
 
 
 def _shares(spec: TrialSpec) -> tuple[float, float]:
@@ -169,7 +174,7 @@ def _shares(spec: TrialSpec) -> tuple[float, float]:
     return _overlaps.get(spec.pair_key(), make)
 
 
-def _view_hits(spec: TrialSpec, view: ViewSpec) -> Any:
+def _view_hits(spec: TrialSpec, view: ViewSpec) -> Hits:
     return _hits.get(
         spec.place_key(view), lambda: _sensor(spec).hits(_scene(spec), spec.path(view))
     )
@@ -180,8 +185,9 @@ def _scene(spec: TrialSpec) -> Scene:
     return _scenes.get(canonical_json(chosen), lambda: SCENES[chosen.name].builder(chosen.params))
 
 
-def _sensor(spec: TrialSpec) -> Any:
-    return SENSORS[spec.sensor.name].factory(spec.sensor.params)
+def _sensor(spec: TrialSpec) -> Sensor:
+    sensor: Sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
+    return sensor
 
 
 def _counts(target: Scan, source: Scan, result: RegistrationResult) -> dict[str, int]:

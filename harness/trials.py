@@ -181,7 +181,7 @@ def build_trials(experiment: Experiment, file: Path) -> tuple[Trial, ...]:
         for choice, method in zip(experiment.methods, methods, strict=True)
         for given in ("", *choice.given)
         # True segments and patches hold no noise: every repeat would be the same trial.
-        if repeat == 0 or given not in ("segments", "patches")
+        if repeat == 0 or given in ("", "rotation")
     )  # fmt: skip
 
 
