@@ -28,7 +28,7 @@ def best_ms(action) -> float:
 def main() -> None:
     view = aimed_view([0, 0, 120], 1030, 0, np.deg2rad(25), 0, PROFILES, STEP_MM)
     commanded = straight_line(view, PROFILES, STEP_MM).T_world_profile
-    free, fixed = ArmParams(), ArmParams(track_mm=950.0)
+    free, fixed = ArmParams(), ArmParams(track_mm=900.0)
     joints = solve_joints(commanded, free)
     rows = {
         "joints, track chosen among 53 positions": lambda _: solve_joints(commanded, free),
