@@ -14,6 +14,10 @@ from numpy.typing import NDArray
 from scenes.scene import FloatArray, IntArray, Scene
 
 
+class RayError(ValueError):
+    """The rays cannot be cast at this scene; the message says why."""
+
+
 @dataclass(frozen=True)
 class RayTarget:
     """A scene compiled for MuJoCo, with its surfaces sorted by the geom they belong to.
@@ -58,7 +62,8 @@ def cast_rays(
     directions: (n, 3), of any length.
     fan: (n,) the origin of each ray, in ascending order: MuJoCo is called once a fan.
     Returns the distance (n,) in units of the length of each direction, NaN for a ray that meets
-    nothing, and the surface (n,) as an index into scene.surfaces, -1 for none.
+    nothing, and the surface (n,) as an index into scene.surfaces, -1 for none; a ray within a
+    microradian of a face's plane meets nothing. Raises RayError for an origin inside of a solid.
 
     MuJoCo finds the face, and the distance is then taken from the face's exact plane: meshes are
     stored in single precision, which would cost up to 1e-4 mm.
@@ -89,8 +94,19 @@ def cast_rays(
         )
     surface = _face_met(target, geom, normal)
     plane = target.normal[surface]
+    ahead = np.einsum("ni,ni->n", plane, vectors)
+    grazing = 1e-6 * np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
+    leaving = ahead > grazing
+    if leaving.any():
+        solid = scene.surfaces[surface[leaving.argmax()]].geom
+        raise RayError(
+            f"scene {scene.name!r}: a ray starts inside of {solid!r}; the sensor has to stay "
+            "outside of every solid"
+        )
+    surface[np.abs(ahead) <= grazing] = -1
+    plane = target.normal[surface]
     height_m = target.offset_m[surface] - np.einsum("ni,ni->n", plane, origins_m[fan])
-    return height_m / np.einsum("ni,ni->n", plane, vectors), surface
+    return height_m / ahead, surface
 
 
 def cast_fans(

@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from scenes import SCENES
-from scenes.rays import cast_fans, cast_rays, ray_target
+from scenes.rays import RayError, cast_fans, cast_rays, ray_target
 from scenes.scene import Scene, moved
 from scenes.solids import assemble, box, prism
 
@@ -129,3 +129,32 @@ def test_moving_twice_is_moving_by_the_product() -> None:
 def test_a_scene_is_compiled_once() -> None:
     scene = dict(ALL)["desk"]
     assert ray_target(scene) is ray_target(scene)
+
+
+@pytest.mark.parametrize("solid", ["cube", "wedge"])
+def test_a_ray_from_inside_of_a_solid_is_refused(solid: str) -> None:
+    scene = assemble(
+        "two",
+        [
+            box("cube", [0.2, 0.2, 0.2], [0.0, 0.0, 0.0]),
+            prism("wedge", [(0.0, 0.0), (0.2, 0.0), (0.2, 0.2)], 0.2, [1.0, 0.0, 0.0]),
+        ],
+    )
+    inside = {"cube": [0.0, 0.0, 0.1], "wedge": [1.15, 0.0, 0.1]}[solid]
+    for direction in np.random.default_rng(1).normal(size=(20, 3)):
+        with pytest.raises(RayError, match=f"scene 'two': a ray starts inside of '{solid}'"):
+            cast_fans(scene, np.array([inside]), direction[None, None])
+
+
+def test_a_ray_along_a_face_meets_nothing() -> None:
+    scene = assemble("cube", [box("cube", [0.2, 0.2, 0.2], [0.0, 0.0, 0.0])])
+    origin = np.array([[-1.0, 0.0, 0.2]])
+    names = [s.name for s in scene.surfaces]
+    for slope, met in ((1e-3, None), (-1e-3, "cube.front")):
+        distance, surface = cast_fans(scene, origin, np.array([[[1.0, 0.0, slope]]]))
+        assert surface[0, 0] == (names.index(met) if met else -1)
+        assert np.isnan(distance[0, 0]) == (met is None)
+    above = np.array([[-1.0, 0.0, 0.2 + 4e-8]])
+    distance, surface = cast_fans(scene, above, np.array([[[1.0, 0.0, -4e-8]]]))
+    assert surface[0, 0] == -1
+    assert np.isnan(distance[0, 0])
