@@ -95,9 +95,10 @@ def solve_correspondences(normals: ArrayLike, source_normals: ArrayLike) -> Floa
     The answer is a rotation only when the normals are exact. Raises numpy.linalg.LinAlgError for
     coplanar normals.
     """
-    block = np.asarray(source_normals, dtype=np.float64)
-    R: FloatArray = np.linalg.solve(block, np.asarray(normals, dtype=np.float64))
-    return R.swapaxes(-1, -2)
+    block: FloatArray = np.asarray(source_normals, dtype=np.float64)
+    right: FloatArray = np.asarray(normals, dtype=np.float64)
+    R_transposed: FloatArray = np.asarray(np.linalg.solve(block, right), dtype=np.float64)
+    return R_transposed.swapaxes(-1, -2)
 
 
 def project_on_rotations(matrix: ArrayLike) -> tuple[FloatArray, FloatArray]:

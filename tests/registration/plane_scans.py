@@ -115,7 +115,7 @@ def random_clutter(rng: np.random.Generator, boxes: int = 7) -> Plates:
 def random_view(
     rng: np.random.Generator, turn_deg: float = 25.0, other_deg: float = 5.0
 ) -> RigidTransform:
-    """T_view_first of a second view that turns about X around a point in the middle of the scene."""
+    """T_second_first of a view turned about X, around a point in the middle of the scene."""
     turn = Rotation.from_euler(
         "ZYX", np.radians([*rng.uniform(-other_deg, other_deg, 2), rng.uniform(-1, 1) * turn_deg])
     )

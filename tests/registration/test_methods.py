@@ -1,0 +1,49 @@
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+
+from registration import METHODS, RegistrationResult, Scan, register
+from registration.methods import UnknownMethodError, find_method
+
+
+@dataclass(frozen=True)
+class OwnParams:
+    excuse: str = "not today"
+
+
+def own_method(target: Scan, source: Scan, params: OwnParams) -> RegistrationResult:
+    return RegistrationResult(None, "failed", params.excuse)
+
+
+own_method.params_type = OwnParams
+
+SCAN = Scan.from_points([[[0.0, 0.0, 500.0]]], step_mm=5.0)
+
+
+def test_a_function_of_ones_own_needs_no_edit() -> None:
+    name = f"{__name__}:own_method"
+    assert find_method(name).params_type is OwnParams
+    assert register(SCAN, SCAN, name).reason == "not today"
+    assert register(SCAN, SCAN, name, OwnParams("busy")).reason == "busy"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("thesiss", "unknown method 'thesiss'; known are .*thesis"),
+        ("no_such_package:f", "'no_such_package:f' cannot be loaded: No module named"),
+        (f"{__name__}:gone", f"'{__name__}:gone' cannot be loaded"),
+    ],
+)
+def test_an_unknown_method_is_named_with_what_would_have_worked(name: str, message: str) -> None:
+    with pytest.raises(UnknownMethodError, match=message):
+        register(SCAN, SCAN, name)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_has_parameters_with_defaults(name: str) -> None:
+    method = find_method(name)
+    assert method is METHODS[name]
+    assert isinstance(method.params_type(), method.params_type)
