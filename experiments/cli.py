@@ -126,6 +126,9 @@ def _list() -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    # A method of the user's own, "package.module:function", lies where the command is called.
+    if str(Path.cwd()) not in sys.path:
+        sys.path.append(str(Path.cwd()))
     from experiments import commands
     from harness.config_errors import ConfigError
     from harness.session import open_session

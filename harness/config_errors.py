@@ -40,11 +40,14 @@ def first_problem(error: ValidationError, model: Any) -> tuple[Key, str]:
     """
     # An unknown key often is the misspelt form of a missing one: report the unknown key then.
     problem = min(error.errors(), key=lambda found: found["type"] not in UNKNOWN_KEY)
-    key, parent = _walk(model, problem["loc"])
+    key, parent, kind = _walk(model, problem["loc"])
     if problem["type"] in UNKNOWN_KEY:
-        return key, f"unknown key; {nearest(str(key[-1]), _fields(parent))}"
+        where = f" where the kind is {kind!r}" if kind else ""
+        return key, f"unknown key{where}; {nearest(str(key[-1]), _fields(parent))}"
     if problem["type"] in ("missing", "missing_argument"):
         return key, "is missing"
+    if problem["type"] == "too_short":
+        return key, f"needs at least {problem['ctx']['min_length']} entry"
     message = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if message != problem["msg"].removeprefix("Value error, "):
         message = f"should be {message}"
@@ -55,18 +58,19 @@ def first_problem(error: ValidationError, model: Any) -> tuple[Key, str]:
     return key, message
 
 
-def _walk(model: Any, loc: Sequence[str | int]) -> tuple[Key, Any]:
-    """The location without pydantic's union tags, and the type that holds its last part."""
+def _walk(model: Any, loc: Sequence[str | int]) -> tuple[Key, Any, str]:
+    """The location without union tags, the type that holds its last part, and that one's tag."""
     key: list[str | int] = []
-    here, parent = model, model
+    here, parent, kind, tag = model, model, "", ""
     for part in loc:
         tagged = _tagged(here)
         if part in tagged:
-            here = tagged[str(part)]
+            here, tag = tagged[str(part)], str(part)
             continue
         key.append(part)
         parent, here = here, _inside(here, part)
-    return tuple(key), parent
+        kind, tag = tag, ""
+    return tuple(key), parent, kind
 
 
 def _tagged(annotation: Any) -> dict[str, Any]:

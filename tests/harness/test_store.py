@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from harness.session import open_session
+from harness.store import FILE_NAME, Row, Store, StoreError, load
+
+
+def poses(rng: np.random.Generator) -> tuple[RigidTransform, RigidTransform]:
+    return tuple(
+        RigidTransform.from_components(rng.normal(0.0, 300.0, 3), Rotation.random(rng=rng))
+        for _ in range(2)
+    )
+
+
+def example_row(identity: str, seed: int = 0) -> Row:
+    rng = np.random.default_rng(seed)
+    exact, estimated = poses(rng)
+    return Row(
+        identity,
+        "{}",
+        "ok",
+        T_exact=exact,
+        T_estimated=estimated,
+        rotation_error_deg=float(rng.random()),
+        translation_error_mm=float(rng.random()),
+        overlap_target=0.25,
+        overlap_source=0.5,
+        covariance=rng.normal(size=(6, 6)),
+        undetermined=np.zeros((0, 6)),
+        counts={"points_target": 7},
+        stage_ms={"rotation": 1.5},
+    )
+
+
+def test_a_row_comes_back_bit_for_bit(small_file: Path, tmp_path: Path) -> None:
+    trials = open_session(small_file, None).trials
+    row = example_row(trials[0].id)
+    with Store(tmp_path) as store:
+        store.begin(trials)
+        store.add(row, "code")
+    (record,) = load(tmp_path).to_dict("records")
+    np.testing.assert_array_equal(record["T_exact"], row.T_exact.as_matrix())
+    np.testing.assert_array_equal(record["T_estimated"], row.T_estimated.as_matrix())
+    np.testing.assert_array_equal(record["covariance"], row.covariance)
+    assert record["rotation_error_deg"] == row.rotation_error_deg
+    assert record["n_points_target"] == 7
+    assert record["ms_rotation"] == 1.5
+    assert (record["pair"], record["method"], record["repeat"]) == ("a.b", "thesis", 0)
+    assert record["error_x_mm"] == pytest.approx(
+        row.T_estimated.translation[0] - row.T_exact.translation[0]
+    )
+
+
+def test_a_failure_has_no_pose_and_is_no_zero(small_file: Path, tmp_path: Path) -> None:
+    trials = open_session(small_file, None).trials
+    with Store(tmp_path) as store:
+        store.begin(trials)
+        store.add(Row(trials[0].id, "{}", "failed", reason="why"), "code")
+        store.add(example_row(trials[1].id), "code")
+    failed, good = load(tmp_path).to_dict("records")
+    assert failed["T_estimated"] is None
+    assert np.isnan(failed["rotation_error_deg"])
+    assert np.isnan(failed["estimated_x_mm"])
+    assert np.isfinite(good["estimated_x_mm"])
+
+
+def test_only_rows_of_the_present_configuration_are_loaded(
+    small_file: Path, tmp_path: Path
+) -> None:
+    first, second = (open_session(small_file, None, o).trials for o in ([], ["seed=8"]))
+    with Store(tmp_path) as store:
+        for trials in (first, second):
+            store.begin(trials)
+            for trial in trials[:2]:
+                store.add(example_row(trial.id), "code")
+    assert list(load(tmp_path)["id"]) == [trial.id for trial in second[:2]]
+    with Store(tmp_path) as store:
+        store.begin(first)
+    assert list(load(tmp_path)["id"]) == [trial.id for trial in first[:2]]
+
+
+def test_rows_of_other_code_and_errors_are_not_finished(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        store.add(example_row("a"), "old")
+        store.add(example_row("b"), "new")
+        store.add(replace(example_row("c"), status="error", reason="a bug"), "new")
+        assert store.finished("new") == {"b"}
+        assert store.outdated("abc", "new") == 1
+        store.add(example_row("a"), "new")
+        assert store.finished("new") == {"a", "b"}
+
+
+def test_a_store_of_another_version_is_refused_with_the_way_out(tmp_path: Path) -> None:
+    with Store(tmp_path):
+        pass
+    with sqlite3.connect(tmp_path / FILE_NAME) as connection:
+        connection.execute("PRAGMA user_version = 99")
+    with pytest.raises(StoreError, match=r"version 99 .* --out"):
+        Store(tmp_path)
+
+
+def test_a_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_text(
+        "these are no rows, but enough text to be read as a header" * 9
+    )
+    with pytest.raises(StoreError, match="is no store of trials"):
+        Store(tmp_path)
+
+
+def test_a_foreign_database_is_refused(tmp_path: Path) -> None:
+    with sqlite3.connect(tmp_path / FILE_NAME) as connection:
+        connection.execute("CREATE TABLE other (x)")
+    with pytest.raises(StoreError, match="version 0"):
+        Store(tmp_path)
+
+
+def test_drawings_are_of_one_trial_and_go_with_their_method(
+    small_file: Path, tmp_path: Path
+) -> None:
+    one, other = (open_session(small_file, None, o).trials for o in ([], ["seed=8"]))
+    shared, own = tmp_path / "view.ply", tmp_path / "own.png"
+    with Store(tmp_path) as store:
+        for file in (shared, own):
+            file.touch()
+        store.note_drawing(one[0], [shared, own])
+        store.note_drawing(one[1], [shared])
+        assert store.is_drawn(one[0])
+        assert not store.is_drawn(other[0])
+        store.forget_drawings(one[1:2])
+        assert shared.exists()
+        assert not own.exists()
+        assert not store.is_drawn(one[0])
+        shared.unlink()
+        assert not store.is_drawn(one[1])
+
+
+def test_loading_nothing_says_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="run the experiment first"):
+        load(tmp_path)

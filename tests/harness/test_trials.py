@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from harness.config import PrintedPose, load_experiment
+from harness.scoring import exact_pose, six_parameters
+from harness.session import open_session, resolved
+from harness.trials import Chosen, build_trials, relabelled
+
+CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+
+
+def trials_of(file: Path, *overrides: str):
+    return build_trials(load_experiment(file, overrides), file)
+
+
+def test_ids_are_the_same_in_every_process(small_file: Path) -> None:
+    script = (
+        "import sys; from pathlib import Path; from harness.session import open_session\n"
+        "print(*[t.id for t in open_session(Path(sys.argv[1]), None).trials])"
+    )
+    command = [sys.executable, "-c", script, str(small_file)]
+    answer = subprocess.run(
+        command, capture_output=True, text=True, check=True, cwd=CONFIGS[0].parents[1]
+    )
+    assert answer.stdout.split() == [trial.id for trial in trials_of(small_file)]
+
+
+def test_every_coordinate_changes_the_id_and_names_do_not(small_file: Path) -> None:
+    ids = {trial.id for trial in trials_of(small_file)}
+    assert len(ids) == 4
+    for override in (
+        "seed=4", "scan.profiles=47", "scan.step_mm=5.5", "views.left.yaw_deg=-8.5",
+        "sensor.params.noise.gaussian=false", "methods.0.params.segments.warp_mm=4.5",
+        "scene.name=desk",
+    ):  # fmt: skip
+        assert ids.isdisjoint(trial.id for trial in trials_of(small_file, override)), override
+    assert ids == {trial.id for trial in trials_of(small_file, "methods.0.label=x", "title=y")}
+    assert ids < {trial.id for trial in trials_of(small_file, "repeats=3")}
+
+
+def test_a_default_written_out_is_the_same_trial(small_file: Path) -> None:
+    written = trials_of(
+        small_file, "methods.0.params.segments.warp_mm=4", "sensor.params.pixels=256"
+    )
+    assert [t.id for t in written] == [t.id for t in trials_of(small_file)]
+
+
+def test_every_method_sees_the_same_scans(small_file: Path) -> None:
+    spec = trials_of(small_file)[0].spec
+    other = replace(spec, method=Chosen("icp", {"any": 1}), given="patches")
+    assert other.id != spec.id
+    assert other.view_key(other.target) == spec.view_key(spec.target)
+    draws = [s.view_rng(s.target).standard_normal(3) for s in (spec, other)]
+    np.testing.assert_array_equal(*draws)
+
+
+def test_a_view_is_scanned_alike_in_both_of_its_pairs_and_anew_in_each_repeat(
+    small_file: Path,
+) -> None:
+    first, second, again, _ = (trial.spec for trial in trials_of(small_file))
+    assert first.source == second.target
+    assert first.view_key(first.source) == second.view_key(second.target)
+    keys = [first.view_key(first.source), again.view_key(again.source),
+            first.view_key(first.target)]  # fmt: skip
+    assert len(set(keys)) == 3
+    assert len({float(s.view_rng(s.source).random()) for s in (first, again)}) == 2
+
+
+@pytest.mark.parametrize("labels", ["printed", "swapped", "cyclic"])
+def test_a_placed_view_has_the_printed_pose(small_file: Path, labels: str) -> None:
+    spec = trials_of(small_file, f"rotation_labels={labels}")[0].spec
+    exact = six_parameters(exact_pose(spec.path(spec.target), spec.path(spec.source)))
+    turns = {"printed": [1, 2, 12], "swapped": [12, 2, 1], "cyclic": [12, 1, 2]}[labels]
+    np.testing.assert_allclose(exact, [*turns, 5.0, -140.0, 10.0], atol=1e-9)
+
+
+def test_a_relative_view_has_the_pose_it_is_given(small_file: Path) -> None:
+    spec = trials_of(small_file)[1].spec
+    exact = six_parameters(exact_pose(spec.path(spec.target), spec.path(spec.source)))
+    np.testing.assert_allclose(exact, [4.0, 0.0, 0.0, 0.0, -50.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("file", CONFIGS, ids=lambda file: file.stem)
+def test_configured_pairs_have_the_poses_of_the_thesis(file: Path) -> None:
+    experiment = load_experiment(file)
+    for trial in build_trials(experiment, file):
+        printed = experiment.pairs[trial.pair].printed
+        if printed is None:
+            continue
+        spec = trial.spec
+        exact = six_parameters(exact_pose(spec.path(spec.target), spec.path(spec.source)))
+        rotation_deg, translation_mm = relabelled(printed, experiment.rotation_labels)
+        np.testing.assert_allclose(exact, [*rotation_deg, *translation_mm], atol=1e-9)
+
+
+def test_relabelling_moves_the_angles_only() -> None:
+    pose = PrintedPose(rotation_deg=(1.0, 2.0, 3.0), translation_mm=(4.0, 5.0, 6.0))
+    assert relabelled(pose, "swapped") == ((3.0, 2.0, 1.0), (4.0, 5.0, 6.0))
+    assert relabelled(pose, "cyclic") == ((3.0, 1.0, 2.0), (4.0, 5.0, 6.0))
+
+
+@pytest.mark.parametrize("file", CONFIGS, ids=lambda file: file.stem)
+def test_the_resolved_configuration_makes_the_same_trials(file: Path, tmp_path: Path) -> None:
+    session = open_session(file, tmp_path)
+    written = tmp_path / "config.yaml"
+    written.write_text(yaml.safe_dump(resolved(session), sort_keys=False), encoding="utf-8")
+    again = open_session(written, tmp_path)
+    assert [(t.id, t.pair, t.label) for t in again.trials] == [
+        (t.id, t.pair, t.label) for t in session.trials
+    ]
+
+
+def test_a_preset_can_be_refined(small_file: Path) -> None:
+    (trial, *_) = trials_of(
+        small_file, "methods.0.preset=literal", "methods.0.params.merge.rotation_th_rad=0.03"
+    )
+    assert trial.spec.method.params.segments.seed == "first_points"
+    assert trial.spec.method.params.merge.rotation_th_rad == 0.03
+
+
+def test_truth_is_entered_once_where_it_holds_no_noise(small_file: Path) -> None:
+    trials = trials_of(small_file, "methods.0.given=[patches, rotation]")
+    entered = [(t.spec.given, t.spec.repeat) for t in trials if t.pair == "plain"]
+    assert entered == [("", 0), ("patches", 0), ("rotation", 0), ("", 1), ("rotation", 1)]
+    assert json.loads(json.dumps([t.id for t in trials])) == list(
+        dict.fromkeys(t.id for t in trials)
+    )
