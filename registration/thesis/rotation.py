@@ -210,7 +210,11 @@ def _none_found(
         if count == 0
     ]
     if poor:
-        hint = "" if params.zero_rotation != "none" else ', or rotation.zero_rotation = "z"'
+        hint = (
+            ""
+            if params.zero_rotation != "none"
+            else ' (or rotation.zero_rotation = "z", if the views are not turned about Z)'
+        )
         return RotationSearch(
             *empty,
             status="underdetermined",

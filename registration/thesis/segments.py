@@ -85,13 +85,18 @@ def _normals_to_sensor(
         return normal
     # The beams fan out in the order of the pixels, so whichever side the sensor is on, it is the
     # same side of every line walked in that order; only the sense of the fan has to be found.
-    y = scan.points_mm[..., 1]
-    half = y.shape[1] // 2
-    mean_y = [
-        float(np.nanmean(side)) if np.isfinite(side).any() else 0.0
-        for side in (y[:, :half], y[:, half:])
-    ]
-    return normal if mean_y[1] >= mean_y[0] else -normal
+    return normal * _sense_of_fan(scan)
+
+
+def _sense_of_fan(scan: Scan) -> float:
+    """1 when the beams turn towards growing Y from pixel to pixel, else -1."""
+    y, z = scan.points_mm[..., 1], scan.points_mm[..., 2]
+    usable = scan.valid & (z > 0.0)
+    pixel = np.nonzero(usable)[1]
+    if len(pixel) == 0:
+        return 1.0
+    tangent = y[usable] / z[usable]
+    return -1.0 if float((pixel - pixel.mean()) @ tangent) < 0.0 else 1.0
 
 
 @compiled

@@ -22,18 +22,20 @@ def one_point() -> Scan:
     return Scan.from_points(points_mm, step_mm=5.0)
 
 
-def faces(*normals: tuple[float, float, float], profiles: int = 40) -> Scan:
+def faces(*normals: tuple[float, float, float]) -> Scan:
     """Plates side by side that face the sensor with these normals."""
     n = np.array(normals) / np.linalg.norm(normals, axis=1, keepdims=True)
     centres = np.array([[100.0, y, 900.0] for y in np.linspace(-130.0, 130.0, len(n))])
     centres[len(n) == 1] = [100.0, 0.0, 900.0]
-    return scan_plates(plates_from(n, centres, np.full((len(n), 2), 50.0)), profiles, 128)
+    return scan_plates(plates_from(n, centres, np.full((len(n), 2), 50.0)), 40, 128)
 
 
 POOR = {
     "no point": empty(),
     "one point": one_point(),
-    "one profile": faces((0.1, 0.2, -1), (0.1, -0.3, -1), (0.4, 0, -1), profiles=1),
+    "one profile": Scan.from_points(
+        faces((0.1, 0.2, -1), (0.1, -0.3, -1), (0.4, 0, -1)).points_mm[20:21], step_mm=5.0
+    ),
     "one plane": faces((0.1, 0.2, -1)),
     "parallel planes": faces((0.1, 0.2, -1), (0.1, 0.2, -1), (0.1, 0.2, -1)),
     "two planes": faces((0.1, 0.4, -1), (0.1, -0.4, -1)),
