@@ -29,6 +29,7 @@ from harness.trials import Trial
 from sensors import SENSORS
 
 REHEARSED = 3  # trials that a dry run times
+LITTLE_OVERLAP = 0.1  # where a failure is put down to it
 
 
 def run_all(session: Session, workers: int | None, redraw: bool) -> int:
@@ -175,14 +176,22 @@ def find_trial(session: Session, identity: str) -> Trial:
 
 
 def tell_no_overlap(console: Console, session: Session) -> None:
-    """One line for each pair whose views share nothing."""
+    """One line for each pair without an answer whose views share little or nothing."""
     rows = load(session.folder)
-    for pair, group in rows[rows["status"] == "no_overlap"].groupby("pair", sort=False):
-        console.print(
-            f"Pair {pair} was not registered: {group['reason'].iloc[0]}.",
-            markup=False,
-            soft_wrap=True,
-        )
+    for name, group in rows[rows["given"] == ""].groupby("pair", sort=False):
+        shared = float(group[["overlap_target", "overlap_source"]].max().max())
+        if (group["status"] == "ok").any() or not shared < LITTLE_OVERLAP:
+            continue
+        pair = session.experiment.pairs[str(name)]
+        reason = str(group["reason"].iloc[0])
+        if group["status"].iloc[0] != "no_overlap":
+            reason = f"views {pair.source} and {pair.target} overlap by {shared:.0%}: {reason}"
+        line = f"Pair {name} was not registered: {reason}"
+        if pair.printed is not None and session.experiment.rotation_labels == "printed":
+            line += (
+                " (rotation_labels: printed; swapped is the reading that fits tables 6.2 to 6.5)"
+            )
+        console.print(f"{line}.", markup=False, soft_wrap=True)
 
 
 def available_cores() -> int:

@@ -98,11 +98,14 @@ def _perform(trial: Trial) -> Outcome:
         "overlap_target": shares[0],
         "overlap_source": shares[1],
     }
-    if max(shares) < NO_OVERLAP and 0 not in (target.n_valid, source.n_valid):
+    if max(shares) < NO_OVERLAP:
         reason = (
             f"views {spec.source.name} and {spec.target.name} overlap by {max(shares):.0%}: "
             "neither sees what the other measured, so no method can register them"
         )
+        for view, scan in ((spec.source, source), (spec.target, target)):
+            if scan.n_valid == 0:
+                reason += f"; {view.name} measures no point, no surface lies in its field and range"
         counts = {"points_target": target.n_valid, "points_source": source.n_valid}
         return Outcome(
             Row(**row, status="no_overlap", reason=reason, counts=counts, stage_ms=stage_ms)

@@ -1,0 +1,144 @@
+"""Every config by the command itself, small."""
+
+from __future__ import annotations
+
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.cli import main
+from harness.store import load
+
+ROOT = Path(__file__).parents[2]
+CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))
+DESK = ROOT / "configs" / "desk.yaml"
+SMALL = ["--set", "scan.profiles=24", "--set", "repeats=1"]
+
+
+def rows_of(folder: Path) -> list[tuple[object, ...]]:
+    """The rows as SQLite holds them, without their times."""
+    with sqlite3.connect(folder / "trials.sqlite") as connection:
+        return connection.execute("SELECT * FROM trials ORDER BY id").fetchall()
+
+
+@pytest.mark.parametrize("file", CONFIGS, ids=lambda file: file.stem)
+def test_every_config_runs_and_its_results_are_whole(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main([str(file), "--out", str(out), *SMALL]) == 0
+    shown = capsys.readouterr().out
+    rows = load(out)
+    assert not (rows["status"] == "error").any()
+    assert len(rows)
+    assert all(str(pair) in shown for pair in rows["pair"])
+    for pair, method in rows[["pair", "method"]].drop_duplicates().itertuples(index=False):
+        name = f"table_{pair}_{method.replace(' ', '_')}"
+        for ending in ("csv", "md", "tex"):
+            assert (out / "tables" / f"{name}.{ending}").stat().st_size > 200
+    assert len(pd.read_csv(out / "tables" / "timings.csv")) >= 3
+    assert (out / "config.yaml").exists()
+    assert (out / "run.json").exists()
+    assert "Written:" in shown
+
+    before = rows_of(out)
+    assert main([str(file), "--out", str(out), *SMALL]) == 0
+    assert f"0 trials computed, {len(rows)} reused" in capsys.readouterr().out
+    assert rows_of(out) == before
+
+
+def test_rows_do_not_depend_on_the_workers(tmp_path: Path) -> None:
+    for workers in ("1", "2"):
+        folder = tmp_path / workers
+        options = ["--out", str(folder), "--workers", workers, "--set", "scan.profiles=40"]
+        assert main([str(DESK), "--set", "repeats=2", *options]) == 0
+    one, two = (rows_of(tmp_path / workers) for workers in ("1", "2"))
+    assert len(one) > 8
+    assert one == two
+
+
+def test_another_seed_gives_other_scans(tmp_path: Path) -> None:
+    for seed in ("0", "1"):
+        options = ["--out", str(tmp_path / seed), "--seed", seed]
+        assert main([str(DESK), "--set", "methods=[{name: thesis}]", *options, *SMALL]) == 0
+    first, second = (load(tmp_path / seed) for seed in ("0", "1"))
+    assert set(first["id"]).isdisjoint(second["id"])
+    np.testing.assert_allclose(first["exact_x_mm"], second["exact_x_mm"])
+    assert (first["n_patches_target"] >= 0).all()
+
+
+def test_report_only_builds_the_files_again(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    options = [str(DESK), "--out", str(out), "--set", "methods=[{name: thesis}]", *SMALL]
+    assert main(options) == 0
+    rows = rows_of(out)
+
+    def built() -> dict[str, bytes]:
+        return {
+            str(path.relative_to(out)): path.read_bytes()
+            for folder in ("tables", "scans")
+            for path in (out / folder).iterdir()
+        }
+
+    before, pictures = built(), {path.name for path in (out / "figures").iterdir()}
+    for folder in ("tables", "scans", "figures"):
+        for path in (out / folder).iterdir():
+            path.unlink()
+    assert main([*options, "--report-only"]) == 0
+    assert built() == before
+    assert {path.name for path in (out / "figures").iterdir()} == pictures
+    assert rows_of(out) == rows
+
+
+def test_an_interrupted_run_keeps_its_rows_and_goes_on(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    command = [
+        sys.executable, "-m", "experiments.cli", str(DESK), "--out", str(out), "--workers", "1",
+        "--set", "repeats=400", "--set", "methods=[{name: thesis}]", "--set", "scan.profiles=24",
+    ]  # fmt: skip
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    try:
+        deadline = time.monotonic() + 60.0
+        while time.monotonic() < deadline:
+            if (out / "trials.sqlite").exists() and len(rows_of(out)) >= 3:
+                break
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert "Interrupted: " in told
+    assert "Traceback" not in told
+    kept = rows_of(out)
+    assert 3 <= len(kept) < 800
+    overrides = [o for o in command[4:] if o not in ("--workers", "1")]
+    repeats = [o.replace("repeats=400", "repeats=3") for o in overrides]
+    assert main([str(DESK), *repeats[repeats.index("--out") :]]) == 0
+    again = {row[0]: row for row in rows_of(out)}
+    assert all(again[row[0]] == row for row in kept)
+    reused = set(load(out)["id"]) & {row[0] for row in kept}
+    assert len(reused) >= 3
+
+
+def test_views_that_share_nothing_are_told_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    options = ["--set", "rotation_labels=printed", "--set", "repeats=1"]
+    assert main([str(DESK), "--out", str(out), *options]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (line,) = [line for line in lines if line.startswith("Pair 6.5 was not registered")]
+    assert "overlap by 0%" in line
+    rows = load(out)
+    assert set(rows.loc[rows["pair"] == "6.5", "status"]) == {"no_overlap"}
+    assert rows.loc[rows["pair"] == "6.5", "T_estimated"].isna().all()

@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from experiments.cli import main
+
+ROOT = Path(__file__).parents[2]
+DESK = str(ROOT / "configs" / "desk.yaml")
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working folder, where a results folder would show."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        ([DESK, "--set", "scan.profils=40"], ["scan.profils", "'profiles'"]),
+        ([DESK, "--set", "scan.step_mm=-1"], ["scan.step_mm", "greater than 0", "-1"]),
+        ([DESK, "--set", "scene.name=dsk"], ["scene.name", "'dsk'", "'desk'"]),
+        ([DESK, "--set", "methods.0.name=thesi"], ["methods.0.name", "'thesis'"]),
+        ([DESK, "--set", "repeats"], ["--set", "key=value"]),
+        ([DESK[:-5] + ".yml"], ["no such file", "'desk'"]),
+        ([str(ROOT)], ["is a directory"]),
+        ([], ["CONFIG", "--list"]),
+        ([DESK, "--report-only"], ["trials.sqlite does not exist", "run the experiment first"]),
+        ([DESK, "--trial", "zz"], ["--trial", "'zz' is no trial of this config"]),
+        (["--show-scene", "dsk"], ["unknown scene 'dsk'", "'desk'"]),
+        (["--show-scene", "clutter", DESK], ["has scene 'desk', not 'clutter'"]),
+    ],
+)
+def test_a_wrong_request_gets_one_line_and_writes_nothing(
+    arguments: list[str],
+    parts: list[str],
+    elsewhere: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(arguments) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("run-experiment: ")
+    assert shown.err.count("\n") == 1
+    assert all(part in shown.err for part in parts), shown.err
+    assert list(elsewhere.iterdir()) == []
+
+
+def test_a_duplicate_key_gets_one_line(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = elsewhere / "twice.yaml"
+    file.write_text(Path(DESK).read_text(encoding="utf-8") + "seed: 1\n", encoding="utf-8")
+    assert main([str(file)]) == 2
+    assert "'seed' is written twice" in capsys.readouterr().err
+    assert list(elsewhere.iterdir()) == [file]
+
+
+@pytest.mark.parametrize(
+    "arguments", [[DESK, "--workers", "0"], [DESK, "--seed", "-1"], [DESK, "--sed", "1"]]
+)
+def test_argparse_refuses_with_status_2(arguments: list[str], elsewhere: Path) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert list(elsewhere.iterdir()) == []
+
+
+def test_list_names_every_config_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [Path(line.split()[0]).name for line in lines] == [
+        file.name for file in sorted((ROOT / "configs").glob("*.yaml"))
+    ]
+    assert all(len(line.split()) > 3 for line in lines)
+
+
+def test_help_needs_no_heavy_import() -> None:
+    script = (
+        "import sys\nfrom experiments.cli import main\n"
+        "try: main(['--help'])\nexcept SystemExit: pass\n"
+        "print(sorted({'numpy', 'pandas', 'mujoco', 'pydantic'} & set(sys.modules)))"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert answer.stdout.splitlines()[-1] == "[]"
+    assert "--report-only" in answer.stdout
+
+
+def test_a_dry_run_counts_and_writes_nothing(
+    elsewhere: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--set", "scan.profiles=30", "--set", "methods=[{name: thesis}]"]
+    assert main([DESK, "--dry-run", "--set", "repeats=4", *options]) == 0
+    assert "8 trials" in capsys.readouterr().out
+    assert list(elsewhere.iterdir()) == []
+
+
+def test_show_scene_saves_a_picture(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--show-scene", "flat_target"]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert (elsewhere / line).read_bytes().startswith(b"\x89PNG")
