@@ -106,7 +106,7 @@ def _members(
     order = np.argsort(chain, kind="stable")
     bounds = np.flatnonzero(np.diff(chain[order], prepend=-1, append=-1))
     chains = [order[a:b] for a, b in pairwise(bounds)]
-    kept = [c for c in chains if len(c) >= params.min_profiles]
+    kept = [c for c in chains if len(c) >= params.min_profiles and _sweeps(segments, c)]
     members = [(c, False) for c in kept]
     if params.intermediate:
         members += [(pair, True) for pair in _bridges(segments, kept, params.parallel_th_rad)]
@@ -129,8 +129,16 @@ def _bridges(segments: Segments, chains: list[IntArray], parallel_th_rad: float)
             if sine <= np.sin(parallel_th_rad) and shared > best:
                 best, partner = shared, b
         if partner >= 0:
-            bridges.append(np.array([a, partner], dtype=np.int64))
+            pair = np.array([a, partner], dtype=np.int64)
+            bridges += [pair] if _sweeps(segments, pair) else []
     return bridges
+
+
+def _sweeps(segments: Segments, chain: IntArray) -> bool:
+    """Tell whether segments cover an area, as all do whose sensor moved and that are not points."""
+    x, length = segments.centroid_mm[chain, 0], segments.length_mm[chain]
+    strips = (length[1:] + length[:-1]) * np.abs(np.diff(x))
+    return bool(strips.sum() > 0.0)
 
 
 def _swept_area(

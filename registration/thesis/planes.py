@@ -16,7 +16,8 @@ def fit_planes(
     points_mm, point_plane: (q, 3), (q,) the points and the plane each belongs to.
     fit: "uncentred" takes the unit eigenvector of the smallest eigenvalue of the 4 x 4 matrix of
         (5-2), (5-3), whose normal is biased under noise; "centred" that of the 3 x 3 scatter about
-        the mean (corrected).
+        the mean (corrected). Around the origin the former can miss every direction, (0, 0, 0, 1);
+        the latter takes its place there.
     Returns normals (m, 3), unit, of arbitrary sign, and means (m, 3).
     """
     count = np.bincount(point_plane, minlength=n_planes).astype(np.float64)
@@ -31,4 +32,11 @@ def fit_planes(
     np.add.at(scatter, point_plane, rows[:, :, None] * rows[:, None, :])
     smallest = np.linalg.eigh(scatter)[1][:, :, 0]
     normal = smallest[:, :3]
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True), mean
+    length = np.linalg.norm(normal, axis=1)
+    lost = length < 1e-9
+    if lost.any():
+        normal = np.where(
+            lost[:, None], fit_planes(points_mm, point_plane, n_planes, "centred")[0], normal
+        )
+        length[lost] = 1.0
+    return normal / length[:, None], mean
