@@ -16,6 +16,9 @@ from registration.thesis.segments import Segments
 from registration.thesis.triplets import triplet_points
 
 
+_NO_AREA_MM2 = 1e-6
+
+
 @dataclass(frozen=True)
 class Patches:
     """The planar patches of one view.
@@ -135,10 +138,10 @@ def _bridges(segments: Segments, chains: list[IntArray], parallel_th_rad: float)
 
 
 def _sweeps(segments: Segments, chain: IntArray) -> bool:
-    """Tell whether segments cover an area, as all do whose sensor moved and that are not points."""
+    """Tell whether segments cover an area: the sensor moved, and they are longer than points."""
     x, length = segments.centroid_mm[chain, 0], segments.length_mm[chain]
     strips = (length[1:] + length[:-1]) * np.abs(np.diff(x))
-    return bool(strips.sum() > 0.0)
+    return bool(strips.sum() > _NO_AREA_MM2)
 
 
 def _swept_area(
