@@ -7,7 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenes.scene import MATERIALS, FloatArray, Scene
+from scenes.materials import MATERIALS
+from scenes.scene import FloatArray, Scene
 from scenes.solids import Solid, assemble, box, prism, turned
 
 WALL_SIZE_M = (0.05, 1.4, 0.8)

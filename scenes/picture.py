@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from scenes.materials import MATERIALS
 from scenes.rays import cast_fans, ray_target
-from scenes.scene import MATERIALS, FloatArray, Scene
+from scenes.scene import FloatArray, Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -145,7 +146,7 @@ def _shade(
     colour = np.repeat(SKY[None], len(surface), axis=0)
     if len(met) == 0:
         return colour
-    palette = np.array([MATERIALS[s.material] for s in scene.surfaces])
+    palette = np.array([MATERIALS[s.material].rgb for s in scene.surfaces])
     lamp_m = camera.origin_m + camera.rotation @ [1.2, -1.4, 0.2]
     to_point = points_m[met] - lamp_m
     distance, lit = cast_fans(scene, lamp_m[None], to_point[None])

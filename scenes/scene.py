@@ -15,17 +15,6 @@ IntArray = NDArray[np.int64]
 # The one body that carries every geom, so that a whole scene is moved by moving it.
 BODY = "scene"
 
-# Red, green and blue of a picture, for each material a surface can be made of.
-MATERIALS: dict[str, tuple[float, float, float]] = {
-    "rough_foam": (0.55, 0.56, 0.58),
-    "white_paper": (0.95, 0.94, 0.90),
-    "matt_plastic": (0.80, 0.77, 0.68),
-    "specular_plastic": (0.25, 0.30, 0.36),
-    "wood": (0.76, 0.58, 0.38),
-    "fabric": (0.62, 0.35, 0.27),
-    "metal": (0.62, 0.68, 0.74),
-}
-
 
 @dataclass(frozen=True)
 class Surface:
@@ -33,7 +22,7 @@ class Surface:
 
     polygon_m: (k, 3) corners in world coordinates, counter-clockwise seen from outside.
     geom: name of the MuJoCo geom that the face belongs to.
-    material: a key of MATERIALS.
+    material: a key of scenes.materials.MATERIALS.
     """
 
     name: str

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from scenes.scene import BODY, MATERIALS, FloatArray, Scene, Surface
+from scenes.materials import MATERIALS
+from scenes.scene import BODY, FloatArray, Scene, Surface
 
 UPRIGHT = Rotation.identity()
 
@@ -184,7 +185,7 @@ def assemble(
 def _add_geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid) -> None:
     position_m = solid.position_m
     quat_wxyz = solid.rotation.as_quat(scalar_first=True)
-    rgba = [*MATERIALS[solid.material], 1.0]
+    rgba = [*MATERIALS[solid.material].rgb, 1.0]
     if solid.half_size_m is not None:
         # MuJoCo's boxes have their origin in the middle, ours in the middle of the base.
         centre_m = position_m + solid.rotation.apply([0.0, 0.0, solid.half_size_m[2]])

@@ -5,7 +5,8 @@ import pytest
 
 from scenes import SCENES
 from scenes.rays import cast_rays
-from scenes.scene import MATERIALS, Scene
+from scenes.materials import MATERIALS
+from scenes.scene import Scene
 from scenes.solids import assemble, box, frustum, plate, prism, turned
 
 ALL = [(name, entry.builder(entry.params_type())) for name, entry in SCENES.items()]
