@@ -48,6 +48,11 @@ def run_all(session: Session, workers: int | None, redraw: bool) -> int:
             console.print(
                 f"{planned.outdated} rows were computed by other code: {then}", markup=False
             )
+        console.print(
+            f"{session.experiment.title}: {planned.missing} trials to compute, {planned.reused} "
+            f"reused, {workers} workers",
+            markup=False,
+        )
         try:
             with reporting(console, len(planned.tasks)) as reporter:
                 for done in execute(session, store, planned, make_executor):
@@ -65,11 +70,13 @@ def run_all(session: Session, workers: int | None, redraw: bool) -> int:
     show_tables(console, report(session))
     tell_no_overlap(console, session)
     show_paths(console, session.folder)
-    rows = [done.row for done in ended if done.task.keep]
-    errors = [row for row in rows if row.status == "error"]
+    computed = [done.row for done in ended if done.task.keep]
+    errors = [row for row in computed if row.status == "error"]
     undrawn = sum(bool(done.drawing_error) for done in ended)
+    answered = int((load(session.folder)["status"] == "ok").sum())
     console.print(
-        f"{len(rows)} trials computed, {planned.reused} reused, {len(errors)} with an error; "
+        f"{len(computed)} trials computed, {planned.reused} reused; {answered} of "
+        f"{len(session.trials)} answered, {len(errors)} errors; "
         f"{time.perf_counter() - start:.1f} s with {workers} workers",
         markup=False,
     )

@@ -15,7 +15,8 @@ from harness import diagnosis
 from harness.pair_view import PairView
 from harness.scoring import exact_pose, pose_error
 from harness.store import Row, RowStatus
-from harness.trials import Trial, TrialSpec, ViewSpec, canonical_json
+from harness.trials import Trial, TrialSpec, canonical_json
+from harness.views import ViewSpec
 from registration.methods import register
 from registration.result import RegistrationResult
 from registration.scan import Scan

@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # What a row's numbers depend on, beside the code: a new version computes the rows again.
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 CODE = ("registration", "scenes", "sensors")
-CODE_OF_TRIALS = ("diagnosis", "execution", "scoring", "trials")
+CODE_OF_TRIALS = ("diagnosis", "execution", "scoring", "trials", "views")
 
 
 def code_fingerprint(methods: Iterable[str]) -> str:

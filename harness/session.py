@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.config import Experiment, dump_yaml, load_experiment
+from harness.config import dump_yaml, load_experiment
 from harness.provenance import code_fingerprint, run_facts
 from harness.runner import Done, MakeExecutor, Task, run
+from harness.schema import Experiment
 from harness.store import Store, StoreError, load
 from harness.table_files import Table, write_tables
 from harness.tables import all_tables

@@ -7,7 +7,9 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from harness.config import Experiment, load_experiment
+from harness.config import load_experiment
+from harness.pair_tables import pair_tables
+from harness.schema import Experiment
 from harness.scoring import pose_error, pose_from_parameters
 from harness.session import open_session
 from harness.store import Row, Store, load
@@ -16,7 +18,6 @@ from harness.tables import (
     accuracy_table,
     all_tables,
     failure_table,
-    pair_tables,
     success_table,
 )
 

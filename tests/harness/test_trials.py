@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 import yaml
 
-from harness.config import PrintedPose, load_experiment
+from harness.config import load_experiment
+from harness.schema import PrintedPose
 from harness.scoring import exact_pose, six_parameters
 from harness.session import open_session, resolved
-from harness.trials import Chosen, build_trials, relabelled
+from harness.trials import Chosen, build_trials
+from harness.views import relabelled
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 

@@ -1,0 +1,129 @@
+"""What an experiment's file may say: its keys, their types and bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+Length = Annotated[float, Field(gt=0.0)]
+Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
+Vector = tuple[float, float, float]
+Angles = tuple[Angle, Angle, Angle]
+RotationLabels = Literal["printed", "swapped", "cyclic"]
+Truth = Literal["segments", "patches", "shared_patches", "rotation"]
+
+
+class Strict(BaseModel):
+    """A part of a configuration: no unknown keys, no silent conversions, never changed."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Choice(Strict):
+    """An entry of a registry (SCENES, SENSORS) and its parameters, checked by its dataclass."""
+
+    name: str
+    params: dict[str, Any] = Field(default_factory=dict)
+
+
+class MethodChoice(Choice):
+    """A registration method; a preset of its parameters that `params` may refine.
+
+    given: for method `thesis`, trials that enter the method with the truth in place of these
+        stages, tabulated beside the full pipeline: exact segments, exact patches, exact patches
+        cut to what both views see, or the exact rotation with the patches that were found.
+    """
+
+    preset: str | None = None
+    label: str | None = None
+    given: tuple[Truth, ...] = ()
+
+
+class ScanSize(Strict):
+    """Profiles a view, and the sensor's motion between two of them."""
+
+    profiles: int = Field(ge=1, le=10_000)
+    step_mm: Length
+
+
+class AimedView(Strict):
+    """A view by what the middle of its line looks at."""
+
+    aim_mm: Vector
+    distance_mm: Length
+    yaw_deg: Angle = 0.0
+    pitch_deg: Angle = 0.0
+    roll_deg: Angle = 0.0
+
+
+class PlacedView(Strict):
+    """A view placed so that the exact pose of a pair is the one printed for it."""
+
+    placed_by: str
+
+
+class RelativeView(Strict):
+    """A view by its pose in the frame of another: p_other = R p_this + T.
+
+    rotation_deg: psi, phi, theta about the sensor's X, Y, Z, as in (4-6).
+    """
+
+    relative_to: str
+    rotation_deg: Angles
+    translation_mm: Vector
+
+
+def _kind_of_view(data: Any) -> str:
+    keys = data if isinstance(data, Mapping) else vars(data) if hasattr(data, "__dict__") else {}
+    if "placed_by" in keys:
+        return "placed"
+    return "relative" if "relative_to" in keys else "aimed"
+
+
+View = Annotated[
+    Annotated[AimedView, Tag("aimed")]
+    | Annotated[PlacedView, Tag("placed")]
+    | Annotated[RelativeView, Tag("relative")],
+    Discriminator(_kind_of_view),
+]
+
+
+class PrintedPose(Strict):
+    """A pose as a table of the thesis prints it, the angles in the order of its labels X, Y, Z."""
+
+    rotation_deg: Angles
+    translation_mm: Vector
+
+
+class Pair(Strict):
+    """Two views to register; what the thesis printed for them, if it did.
+
+    printed: its theoretical values. estimated: its experimental results.
+    """
+
+    source: str
+    target: str
+    printed: PrintedPose | None = None
+    estimated: PrintedPose | None = None
+
+
+class Experiment(Strict):
+    """One experiment: a scene, a sensor, views, pairs of them, methods and repeats.
+
+    rotation_labels: how the labels of the printed angles are read (the tables 6.2 to 6.5 name
+        another axis than the one that was turned): printed, swapped (X and Z) or cyclic.
+    """
+
+    title: str
+    description: str = ""
+    scene: Choice
+    sensor: Choice
+    scan: ScanSize
+    rotation_labels: RotationLabels = "printed"
+    views: dict[str, View] = Field(min_length=1)
+    pairs: dict[str, Pair] = Field(min_length=1)
+    methods: tuple[MethodChoice, ...] = Field(min_length=1)
+    repeats: int = Field(default=1, ge=1, le=100_000)
+    seed: int = Field(default=0, ge=0)
