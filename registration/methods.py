@@ -6,10 +6,12 @@ import importlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from registration.gauss_sphere import pipeline as gauss_sphere
+from registration.gauss_sphere.params import GaussSphereParams
 from registration.result import RegistrationResult
 from registration.scan import Scan
+from registration.thesis import pipeline as thesis
 from registration.thesis.params import ThesisParams
-from registration.thesis.pipeline import register_scans
 
 MethodFunction = Callable[[Scan, Scan, Any], RegistrationResult]
 
@@ -26,7 +28,8 @@ class UnknownMethodError(ValueError):
 
 
 METHODS: dict[str, Method] = {
-    "thesis": Method(register_scans, ThesisParams),
+    "gauss_sphere": Method(gauss_sphere.register_scans, GaussSphereParams),
+    "thesis": Method(thesis.register_scans, ThesisParams),
 }
 
 

@@ -1,0 +1,138 @@
+"""Whether the best pose is an answer: shared surface, free space, open directions, rivals."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from registration.gauss_sphere.matching import Settled
+from registration.gauss_sphere.params import DecisionParams
+from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View
+from registration.result import Candidate, RegistrationResult
+from registration.scan import FloatArray
+
+
+def distinct(
+    settled: list[Settled], centre_mm: FloatArray, params: DecisionParams
+) -> list[Settled]:
+    """Drop every pose that a better one has nearly the same as; best score first.
+
+    centre_mm: (3,) in the source's frame, where the poses' shifts are compared.
+    """
+    kept: list[Settled] = []
+    for pose in sorted(settled, key=lambda p: -p.score):
+        if all(not _same(pose, other, centre_mm, params) for other in kept):
+            kept.append(pose)
+    return kept
+
+
+def _same(a: Settled, b: Settled, centre_mm: FloatArray, params: DecisionParams) -> bool:
+    turn = Rotation.from_matrix(a.rotation @ b.rotation.T).magnitude()
+    moved = (a.rotation - b.rotation) @ centre_mm + a.shift_mm - b.shift_mm
+    return bool(turn < params.distinct_rad and np.linalg.norm(moved) < params.distinct_mm)
+
+
+def judge(
+    ranked: list[Settled], target: View, source: View, params: DecisionParams
+) -> RegistrationResult:
+    """Turn the settled poses into an answer that says how sure it is."""
+    best = ranked[0]
+    seen = 0.5 * (target.sample_area.sum() + source.sample_area.sum())
+    share = best.areas[SUPPORT] / seen
+    against = best.areas[CONTRADICTION] / max(best.areas[SUPPORT], 1e-9)
+    candidates = tuple(Candidate(transform(p), p.score / seen) for p in ranked)
+    if share < params.least_support:
+        return RegistrationResult(
+            None,
+            "failed",
+            f"the best pose lays only {share:.0%} of the seen surface on the other view's; "
+            f"{params.least_support:.0%} are needed: the views may not overlap",
+            candidates=candidates,
+        )
+    if against > params.most_contradiction:
+        return RegistrationResult(
+            None,
+            "failed",
+            f"the best pose puts surface in space that the other view saw to be empty, "
+            f"{against:.0%} of the surface it matches; {params.most_contradiction:.0%} are allowed",
+            candidates=candidates,
+        )
+    covariance, open_directions, reason = uncertainty(best, target, params)
+    if open_directions.shape[0]:
+        return RegistrationResult(
+            transform(best),
+            "underdetermined",
+            reason,
+            undetermined=open_directions,
+            candidates=candidates[1:],
+        )
+    rivals = [p for p in ranked[1:] if p.score > params.rival_share * best.score]
+    if rivals:
+        return RegistrationResult(
+            transform(best),
+            "ambiguous",
+            f"{len(rivals) + 1} poses fit about equally well: the scanned part is symmetric or "
+            f"too little is shared; the best of the others scores "
+            f"{rivals[0].score / best.score:.0%} of the first",
+            covariance=covariance,
+            candidates=candidates[1:],
+        )
+    return RegistrationResult(
+        transform(best), "ok", covariance=covariance, candidates=candidates[1:]
+    )
+
+
+def transform(pose: Settled) -> RigidTransform:
+    """The pose as a transform."""
+    return RigidTransform.from_components(pose.shift_mm, Rotation.from_matrix(pose.rotation))
+
+
+def uncertainty(
+    pose: Settled, target: View, params: DecisionParams
+) -> tuple[FloatArray | None, FloatArray, str]:
+    """Covariance, open directions (k, 6) and their description, from the information of a pose.
+
+    Directions are judged about the middle of the matched surface, where turns and shifts are
+    nearly independent, in units of params.open_rad and params.open_mm; covariance and directions
+    are of a perturbation on the left about the target's origin.
+    """
+    weight = target.patches.area_mm2[pose.pairs[:, 0]]
+    centre = np.average(target.patches.centroid_mm[pose.pairs[:, 0]], axis=0, weights=weight)
+    # v_centre = v + w x centre: what the perturbation (w, v) moves the centre by.
+    about_centre = np.eye(6)
+    about_centre[3:, :3] = -_cross(centre)
+    back = np.linalg.inv(about_centre)
+    scale = np.array([params.open_rad] * 3 + [params.open_mm] * 3)
+    information = back.T @ pose.information @ back
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    loose = values < 1.0
+    if not loose.any():
+        spread = np.linalg.inv(pose.information)
+        freedom = 3 * pose.distance2.size - 6
+        if freedom > 0:
+            spread = spread * max(1.0, float(np.minimum(pose.distance2, 25.0).sum()) / freedom)
+        return 0.5 * (spread + spread.T), np.zeros((0, 6)), ""
+    directions = (back @ (vectors[:, loose] * scale[:, None])).T
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    names = [_describe(vectors[:, i], values[i], scale) for i in np.flatnonzero(loose)]
+    reason = (
+        f"{pose.pairs.shape[0]} matched planes leave {len(names)} of 6 directions open: "
+        + "; ".join(names)
+    )
+    return None, directions, reason
+
+
+def _describe(vector: FloatArray, value: float, scale: FloatArray) -> str:
+    turn, shift = np.linalg.norm(vector[:3]), np.linalg.norm(vector[3:])
+    sigma = 1.0 / np.sqrt(max(value, 1e-12))
+    kind, part, unit = (
+        ("turn about", vector[:3], "degrees") if turn > shift else ("shift along", vector[3:], "mm")
+    )
+    size = sigma * (np.rad2deg(scale[0]) if turn > shift else scale[3])
+    axis = ", ".join(f"{c:.2f}" for c in part / np.linalg.norm(part))
+    known = f"known to {size:.0f} {unit}" if sigma < 100.0 else "unknown"
+    return f"{kind} ({axis}) {known}"
+
+
+def _cross(v: FloatArray) -> FloatArray:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

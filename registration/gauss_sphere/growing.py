@@ -1,0 +1,163 @@
+"""Segments to patches: planes grown over the profiles by adding the sums of their segments."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from registration.gauss_sphere.beams import Fan
+from registration.gauss_sphere.params import PatchParams
+from registration.gauss_sphere.patches import Patches, fit_patches
+from registration.gauss_sphere.segments import Segments
+from registration.kernels import compiled
+from registration.scan import FloatArray, IntArray
+
+
+def find_patches(fan: Fan, segments: Segments, params: PatchParams) -> Patches:
+    """Grow segments into planes over the profiles and fit each to all its points."""
+    owner = grow(fan, segments, params)
+    label = _paint(fan, segments, owner, params)
+    return fit_patches(fan, label, int(owner.max(initial=-1)) + 1, params)
+
+
+def grow(fan: Fan, segments: Segments, params: PatchParams) -> IntArray:
+    """(n,) the patch of each segment, -1 for segments of patches too small to keep."""
+    n = segments.profile.size
+    if n == 0:
+        return np.zeros(0, dtype=np.int64)
+    owner = np.empty(n, dtype=np.int64)
+    first_of = np.searchsorted(segments.profile, np.arange(fan.x_mm.size + 1))
+    _grow(
+        segments,
+        fan.x_mm,
+        first_of,
+        params.join_gain,
+        params.tolerance_sigma,
+        params.max_tilt,
+        params.bridge_profiles,
+        owner,
+    )
+    points = np.bincount(owner, weights=segments.n_points, minlength=n)
+    profiles = np.zeros(n, dtype=np.int64)
+    pairs = np.unique(np.stack([owner, segments.profile]), axis=1)
+    np.add.at(profiles, pairs[0], 1)
+    kept = (points >= params.min_points) & (profiles >= params.min_profiles)
+    renumber = np.where(kept, np.cumsum(kept) - 1, -1)
+    result: IntArray = renumber[owner]
+    return result
+
+
+def _paint(fan: Fan, segments: Segments, owner: IntArray, params: PatchParams) -> IntArray:
+    label = np.full(fan.depth_mm.shape, -1, dtype=np.int64)
+    _paint_segments(segments, owner, fan.depth_mm, params.edge_pixels, label)
+    return label
+
+
+@compiled
+def _plane_rss(m: FloatArray, max_c: float) -> float:
+    """Chi-square of the best plane q = A + B s + C x q for sums about its own centre in x.
+
+    m: 1, s, ss, xq, s x q, x x q q, q, s q, x q q, q q.  max_c bounds C softly: the tilt along X.
+    """
+    # Eliminate A and B of the 3 x 3 normal equations by hand.
+    w = m[0]
+    b11 = m[2] - m[1] * m[1] / w
+    b12 = m[4] - m[1] * m[3] / w
+    b22 = m[5] - m[3] * m[3] / w + 1.0 / (max_c * max_c)
+    r1 = m[7] - m[1] * m[6] / w
+    r2 = m[8] - m[3] * m[6] / w
+    rss = m[9] - m[6] * m[6] / w
+    if b11 > 0.0:
+        rss -= r1 * r1 / b11
+        c22 = b22 - b12 * b12 / b11
+        r2 -= b12 * r1 / b11
+    else:
+        c22 = b22
+    rss -= r2 * r2 / c22
+    return float(max(rss, 0.0))
+
+
+@compiled
+def _shifted(m: FloatArray, dx: float, out: FloatArray) -> None:
+    """The sums m with every x larger by dx."""
+    for i in range(10):
+        out[i] = m[i]
+    out[3] = m[3] + dx * m[6]
+    out[4] = m[4] + dx * m[7]
+    out[5] = m[5] + 2.0 * dx * m[8] + dx * dx * m[9]
+    out[8] = m[8] + dx * m[9]
+
+
+@compiled
+def _root(parent: IntArray, i: int) -> int:
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@compiled
+def _grow(
+    segments: Segments,
+    x: FloatArray,
+    first_of: IntArray,
+    gain: float,
+    tolerance: float,
+    max_tilt: float,
+    bridge: int,
+    owner: IntArray,
+) -> None:
+    profile, low, high = segments.profile, segments.slope_low, segments.slope_high
+    sums, count = segments.sums, segments.n_points
+    n = profile.size
+    parent = np.arange(n)
+    total = np.zeros((n, 10))  # sums of the patch that the root stands for, about x of its root
+    points = count.astype(np.float64)
+    rss = np.zeros(n)
+    a, both = np.zeros(10), np.zeros(10)
+    for i in range(n):
+        for j, k in ((0, 0), (1, 1), (2, 2), (6, 3), (7, 4), (9, 5)):
+            total[i, j] = sums[i, k]
+        max_c = max_tilt * sums[i, 3] / sums[i, 0]
+        rss[i] = _plane_rss(total[i], max_c)
+    for i in range(n):
+        p = profile[i]
+        joined = False
+        for back in range(1, bridge + 1):
+            if p - back < 0 or (joined and back > 1):
+                break
+            for j in range(first_of[p - back], first_of[p - back + 1]):
+                shared = min(high[i], high[j]) - max(low[i], low[j])
+                if shared <= 0.25 * min(high[i] - low[i], high[j] - low[j]):
+                    continue
+                ri, rj = _root(parent, i), _root(parent, j)
+                if ri == rj:
+                    joined = True
+                    continue
+                _shifted(total[ri], x[profile[ri]] - x[profile[rj]], a)
+                for t in range(10):
+                    both[t] = a[t] + total[rj, t]
+                max_c = max_tilt * both[6] / both[0]
+                together = _plane_rss(both, max_c)
+                loss = together - rss[ri] - rss[rj]
+                fewer = min(points[ri], points[rj])
+                if loss < gain + tolerance * tolerance * fewer:
+                    parent[ri] = rj
+                    points[rj] += points[ri]
+                    for t in range(10):
+                        total[rj, t] = both[t]
+                    rss[rj] = together
+                    joined = True
+    for i in range(n):
+        owner[i] = _root(parent, i)
+
+
+@compiled
+def _paint_segments(
+    segments: Segments, owner: IntArray, depth: FloatArray, edge: int, label: IntArray
+) -> None:
+    profile, first, last = segments.profile, segments.first, segments.last
+    for i in range(profile.size):
+        if owner[i] >= 0:
+            for u in range(first[i] + edge, last[i] + 1 - edge):
+                if np.isfinite(depth[profile[i], u]):
+                    label[profile[i], u] = owner[i]

@@ -1,0 +1,102 @@
+"""The method, stage by stage: profiles, segments, patches, Gauss spheres, rotation, translation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from registration.gauss_sphere.beams import fan_of
+from registration.gauss_sphere.decision import distinct, judge
+from registration.gauss_sphere.growing import find_patches
+from registration.gauss_sphere.matching import settle
+from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
+from registration.gauss_sphere.segments import find_segments
+from registration.gauss_sphere.translation import pose_candidates
+from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View, rank, view_of
+from registration.result import RegistrationResult
+from registration.scan import FloatArray, Scan
+
+
+def register_scans(target: Scan, source: Scan, params: GaussSphereParams) -> RegistrationResult:
+    """Register two scans of planes without an initial guess."""
+    started = perf_counter()
+    target_view, source_view = (describe(scan, params) for scan in (target, source))
+    described = perf_counter()
+    result = register_views(target_view, source_view, params)
+    stage_ms = {"planes": 1e3 * (described - started), **result.stage_ms}
+    return replace(result, stage_ms=stage_ms)
+
+
+def describe(scan: Scan, params: GaussSphereParams) -> View:
+    """Planes of a scan, with what is needed to compare it with another."""
+    fan = fan_of(scan)
+    segments = find_segments(fan, params.segments)
+    patches = find_patches(fan, segments, params.patches)
+    return view_of(fan, patches, params.verification)
+
+
+def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
+    """Register two described scans."""
+    started = perf_counter()
+    for name, view in (("target", target), ("source", source)):
+        if view.patches.n_points.size == 0:
+            return RegistrationResult(
+                None,
+                "failed",
+                f"no plane found in the {name} scan "
+                f"({np.isfinite(view.fan.depth_mm).sum()} measured points); at least "
+                f"{params.patches.min_profiles} profiles with "
+                f"{params.patches.min_points} points on one plane are needed",
+            )
+    rotations, _ = rotation_candidates(
+        gauss_sphere(target.patches, params.rotation.close_rad),
+        gauss_sphere(source.patches, params.rotation.close_rad),
+        params.rotation,
+    )
+    if rotations.shape[0] == 0:
+        return _no_rotation(target, source)
+    turned = perf_counter()
+    rotations, shifts, _ = pose_candidates(
+        target.patches, source.patches, rotations, params.translation
+    )
+    shifted = perf_counter()
+    rough = params.verification
+    areas = rank(
+        target, source, rotations, shifts, rough.rough_tolerance_mm, rough.rough_stride, rough
+    )
+    scores = areas[:, SUPPORT] - rough.contradiction_weight * areas[:, CONTRADICTION]
+    chosen = np.argsort(-scores, kind="stable")[: rough.kept]
+    settled = [
+        settle(target, source, rotations[c], shifts[c], params.match, params.refine, rough)
+        for c in chosen
+    ]
+    settled = [pose for pose in settled if pose.pairs.shape[0] >= 2]
+    if not settled:
+        return RegistrationResult(
+            None,
+            "failed",
+            "no pose lays two planes of one view on planes of the other: the views may not overlap",
+        )
+    centre: FloatArray = np.average(
+        source.patches.centroid_mm, axis=0, weights=source.patches.area_mm2
+    )
+    result = judge(distinct(settled, centre, params.decision), target, source, params.decision)
+    stage_ms = {
+        "rotation": 1e3 * (turned - started),
+        "translation": 1e3 * (shifted - turned),
+        "verification": 1e3 * (perf_counter() - shifted),
+    }
+    return replace(result, stage_ms=stage_ms)
+
+
+def _no_rotation(target: View, source: View) -> RegistrationResult:
+    counts = [view.patches.n_points.size for view in (target, source)]
+    return RegistrationResult(
+        None,
+        "underdetermined",
+        f"two planes at an angle that both views show are needed; found {counts[0]} planes in the "
+        f"target and {counts[1]} in the source, of which no two subtend the same angle",
+    )

@@ -1,0 +1,178 @@
+"""The pose that makes pairs of planes most likely, with its information."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from registration.gauss_sphere.params import RefineParams
+from registration.gauss_sphere.patches import Patches
+from registration.gauss_sphere.small_matrices import apply_step, invert_symmetric3
+from registration.kernels import compiled
+from registration.scan import FloatArray, IntArray
+
+
+class Likelihood(NamedTuple):
+    """RefineParams as the compiled loops take them."""
+
+    rounds: int
+    tail: float
+    tilt_floor_rad: float
+    offset_floor_mm: float
+
+
+def likelihood(params: RefineParams) -> Likelihood:
+    """The parameters that decide how the pose is refined."""
+    return Likelihood(
+        params.rounds, params.tail, params.tilt_floor_rad, params.offset_floor_mm
+    )  # fmt: skip
+
+
+@compiled
+def maximise(
+    target: Patches,
+    source: Patches,
+    pairs: IntArray,
+    likely: Likelihood,
+    r: FloatArray,
+    t: FloatArray,
+    information: FloatArray,
+    distance2: FloatArray,
+) -> None:
+    """Maximise the likelihood of matched planes, unknown in both views, over the pose.
+
+    Each view has measured (tilt, tilt, offset) of a plane with the covariance of its own fit; under
+    the pose their difference has the sum of both covariances. Gauss-Newton with
+    Levenberg-Marquardt damping on it attains the Cramer-Rao bound with the plane parameters as
+    nuisances. A heavy tail keeps single wrong pairs from bending the pose.
+
+    pairs: (m, 2) target and source patch.  r (3, 3), t (3,): the pose, changed in place.
+    information: (6, 6) out, of a perturbation (rad, mm) on the left, about the target's origin.
+    distance2: (m,) or longer, out: squared Mahalanobis distances, three degrees of freedom each.
+    """
+    hessian, gradient = np.zeros((6, 6)), np.zeros(6)
+    trial_r, trial_t = r.copy(), t.copy()
+    damping = 1e-4
+    cost = _accumulate(target, source, pairs, likely, r, t, hessian, gradient, distance2)
+    information[:] = hessian
+    for _ in range(likely.rounds):
+        damped = hessian.copy()
+        for i in range(6):
+            damped[i, i] += damping * hessian[i, i] + 1e-12 * max(hessian[0, 0], 1.0)
+        damped[3, 3] += 1e-9
+        damped[4, 4] += 1e-9
+        damped[5, 5] += 1e-9
+        step = np.linalg.solve(damped, -gradient).astype(np.float64)
+        # No step may turn further than the linearisation holds.
+        turn = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+        if turn > 0.2:
+            step *= 0.2 / turn
+        apply_step(step, r, t, trial_r, trial_t)
+        trial = _accumulate(
+            target, source, pairs, likely, trial_r, trial_t, hessian, gradient, distance2
+        )
+        if trial <= cost:
+            gain = cost - trial
+            cost = trial
+            r[:] = trial_r
+            t[:] = trial_t
+            information[:] = hessian
+            damping = max(damping * 0.1, 1e-9)
+            if gain < 1e-6:
+                break
+        else:
+            damping *= 100.0
+            _accumulate(target, source, pairs, likely, r, t, hessian, gradient, distance2)
+            if damping > 1e6:
+                break
+
+
+@compiled
+def _accumulate(
+    target: Patches,
+    source: Patches,
+    pairs: IntArray,
+    likely: Likelihood,
+    r: FloatArray,
+    t: FloatArray,
+    hessian: FloatArray,
+    gradient: FloatArray,
+    distance2: FloatArray,
+) -> float:
+    """The cost of a pose, its gradient and Gauss-Newton Hessian."""
+    ca, ea, cov_a = target.centroid_mm, target.basis, target.covariance
+    nb, cb, eb, cov_b = source.normal, source.centroid_mm, source.basis, source.covariance
+    tail, tilt_floor, offset_floor = likely.tail, likely.tilt_floor_rad, likely.offset_floor_mm
+    hessian[:] = 0.0
+    gradient[:] = 0.0
+    cost = 0.0
+    n, c, d = np.empty(3), np.empty(3), np.empty(3)
+    f = np.empty((2, 3))
+    map_b, spread, weight = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    jacobian, residual, pull = np.zeros((3, 6)), np.empty(3), np.empty(3)
+    for m in range(pairs.shape[0]):
+        i, k = pairs[m, 0], pairs[m, 1]
+        for u in range(3):
+            n[u] = r[u, 0] * nb[k, 0] + r[u, 1] * nb[k, 1] + r[u, 2] * nb[k, 2]
+            c[u] = t[u] + r[u, 0] * cb[k, 0] + r[u, 1] * cb[k, 1] + r[u, 2] * cb[k, 2]
+            for v in range(2):
+                f[v, u] = r[u, 0] * eb[k, v, 0] + r[u, 1] * eb[k, v, 1] + r[u, 2] * eb[k, v, 2]
+        # Source plane in the target patch's coordinates: two tilts, offset at its centroid.
+        for u in range(3):
+            d[u] = c[u] - ca[i, u]
+        residual[2] = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+        for v in range(2):
+            e = ea[i, v]
+            residual[v] = e[0] * n[0] + e[1] * n[1] + e[2] * n[2]
+            for w in range(2):
+                map_b[v, w] = e[0] * f[w, 0] + e[1] * f[w, 1] + e[2] * f[w, 2]
+            map_b[v, 2] = 0.0
+            map_b[2, v] = f[v, 0] * d[0] + f[v, 1] * d[1] + f[v, 2] * d[2]
+        map_b[2, 2] = 1.0
+        for u in range(3):
+            for v in range(3):
+                total = cov_a[i, u, v]
+                for x in range(3):
+                    for y in range(3):
+                        total += map_b[u, x] * cov_b[k, x, y] * map_b[v, y]
+                spread[u, v] = total
+        spread[0, 0] += tilt_floor * tilt_floor
+        spread[1, 1] += tilt_floor * tilt_floor
+        spread[2, 2] += offset_floor * offset_floor
+        invert_symmetric3(spread, weight)
+        for u in range(3):
+            pull[u] = 0.0
+            for v in range(3):
+                pull[u] += weight[u, v] * residual[v]
+        d2 = residual[0] * pull[0] + residual[1] * pull[1] + residual[2] * pull[2]
+        distance2[m] = d2
+        # Cauchy: cost tail log(1 + d2 / tail).
+        robust = 1.0 / (1.0 + d2 / tail)
+        cost += tail * np.log1p(d2 / tail)
+        for v in range(2):
+            e = ea[i, v]
+            jacobian[v, 0] = n[1] * e[2] - n[2] * e[1]
+            jacobian[v, 1] = n[2] * e[0] - n[0] * e[2]
+            jacobian[v, 2] = n[0] * e[1] - n[1] * e[0]
+        # offset = n . (c - ca): n turns, c moves with the pose about the origin.
+        jacobian[2, 0] = -(n[1] * ca[i, 2] - n[2] * ca[i, 1])
+        jacobian[2, 1] = -(n[2] * ca[i, 0] - n[0] * ca[i, 2])
+        jacobian[2, 2] = -(n[0] * ca[i, 1] - n[1] * ca[i, 0])
+        for u in range(3):
+            jacobian[2, 3 + u] = n[u]
+        for u in range(6):
+            total = 0.0
+            for x in range(3):
+                total += jacobian[x, u] * pull[x]
+            gradient[u] += robust * total
+            for v in range(u, 6):
+                total = 0.0
+                for x in range(3):
+                    for y in range(3):
+                        total += jacobian[x, u] * weight[x, y] * jacobian[y, v]
+                hessian[u, v] += robust * total
+    for u in range(6):
+        for v in range(u):
+            hessian[u, v] = hessian[v, u]
+    return cost
