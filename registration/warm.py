@@ -9,9 +9,10 @@ from registration.scan import Scan
 
 
 def corner_scan(profiles: int = 24, pixels: int = 64) -> Scan:
-    """Three planes that meet, as a small scan on which every stage has something to do."""
+    """Two roofs, one behind the other, as a small scan on which every stage has something to do."""
     x, y = np.meshgrid(np.arange(profiles) * 5.0, np.linspace(-120.0, 120.0, pixels), indexing="ij")
-    z = 600.0 + 0.5 * np.abs(y - 10.0) + np.where(x > 60.0, 0.4 * (x - 60.0), 0.0)
+    beside = np.abs(y - 10.0)
+    z = 600.0 + np.where(x > 60.0, 0.9 * beside + 0.4 * (x - 60.0), 0.3 * beside)
     return Scan.from_points(np.stack([x, y, z], axis=2), step_mm=5.0)
 
 

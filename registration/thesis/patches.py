@@ -15,7 +15,6 @@ from registration.thesis.planes import fit_planes
 from registration.thesis.segments import Segments
 from registration.thesis.triplets import triplet_points
 
-
 _NO_AREA_MM2 = 1e-6
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from registration.result import Status
 from registration.scan import FloatArray, IntArray
@@ -153,12 +152,13 @@ def _ranked(
     two: bool,
 ) -> RotationSearch:
     scores = _scores(target, source, R, params)
+    order = np.lexsort((scores[:, 1], -np.round(scores[:, 0], 9)))
     chosen: list[int] = []
-    for h in np.lexsort((scores[:, 1], -np.round(scores[:, 0], 9))):
-        if all(_angle(R[h], R[c]) > distinct_rad for c in chosen):
-            chosen.append(int(h))
-            if len(chosen) == params.candidates:
-                break
+    # |Ra - Rb| = 2 sqrt(2) sin(angle / 2) in the Frobenius norm.
+    apart = 2.0 * np.sqrt(2.0) * np.sin(0.5 * distinct_rad)
+    while len(order) and len(chosen) < params.candidates:
+        chosen.append(int(order[0]))
+        order = order[np.linalg.norm(R[order] - R[order[0]], axis=(1, 2)) > apart]
     best, overlap = R[chosen], scores[chosen, 0]
     if params.refit and not two:
         best = np.stack([_refit(target, source, r, params) for r in best])
@@ -192,10 +192,6 @@ def _refit(
     if len(pairs) < 2 or np.linalg.svd(n, compute_uv=False)[1] < params.angle_tolerance_rad:
         return R
     return fit_rotation(n, m, np.minimum(target.weight[pairs[:, 0]], source.weight[pairs[:, 1]]))
-
-
-def _angle(a: FloatArray, b: FloatArray) -> float:
-    return float(Rotation.from_matrix(a @ b.T).magnitude())
 
 
 def _none_found(

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray, Scan
 from registration.thesis.params import PatchParams
 from registration.thesis.segments import Segments
@@ -34,9 +35,12 @@ def triplet_points(
         )
     if params.triplets == "carried":
         points[:, :, 1] = points[first_of_patch, :, 1]
-    for s, segment in enumerate(index):
-        carried = params.triplets == "carried"
-        points[s, :, 2] = _depths(scan, segments, int(segment), points[s, :, 1], carried)
+    span = np.stack([segments.first[index], segments.last[index]], axis=1)
+    if params.triplets == "carried":  # may leave the segment: any measurement of the profile counts
+        span[:] = 0, scan.points_mm.shape[1] - 1
+    points[..., 2] = _depths(
+        np.ascontiguousarray(scan.points_mm), segments.profile[index], span, points[..., 1].copy()
+    )
     if params.repair:
         bounds = np.append(np.unique(first_of_patch), len(patch))
         for start, stop in pairwise(bounds):
@@ -44,17 +48,26 @@ def triplet_points(
     return points
 
 
-def _depths(
-    scan: Scan, segments: Segments, segment: int, y_mm: FloatArray, whole_profile: bool
-) -> FloatArray:
-    """(3,) depth of a profile at given Y, between the nearest measurements on either side."""
-    profile = scan.points_mm[segments.profile[segment]]
-    if not whole_profile:
-        profile = profile[segments.first[segment] : segments.last[segment] + 1]
-    profile = profile[np.isfinite(profile[:, 2])]
-    order = np.argsort(profile[:, 1], kind="stable")
-    depth: FloatArray = np.interp(y_mm, profile[order, 1], profile[order, 2])
-    return depth
+@compiled
+def _depths(points: FloatArray, profile: IntArray, span: IntArray, y: FloatArray) -> FloatArray:
+    """(s, 3) depth at given Y between the nearest measurements of a span of pixels."""
+    z = np.empty_like(y)
+    for s in range(len(profile)):
+        measured = points[profile[s], span[s, 0] : span[s, 1] + 1]
+        measured = measured[np.isfinite(measured[:, 2])]
+        order = np.argsort(measured[:, 1])
+        at, depth = measured[order, 1], measured[order, 2]
+        for q in range(3):
+            # Beyond the ends the outermost depth, as np.interp, which takes numba 8 s to compile.
+            right = np.searchsorted(at, y[s, q])
+            if right == 0:
+                z[s, q] = depth[0]
+            elif right == len(at):
+                z[s, q] = depth[-1]
+            else:
+                share = (y[s, q] - at[right - 1]) / (at[right] - at[right - 1])
+                z[s, q] = depth[right - 1] + share * (depth[right] - depth[right - 1])
+    return z
 
 
 def repair_triplets(points_mm: FloatArray, threshold_mm: float) -> FloatArray:

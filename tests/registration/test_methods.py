@@ -6,6 +6,7 @@ import pytest
 
 from registration import METHODS, RegistrationResult, Scan, register
 from registration.methods import UnknownMethodError, find_method
+from registration.warm import corner_scan
 
 
 @dataclass(frozen=True)
@@ -47,3 +48,8 @@ def test_every_method_has_parameters_with_defaults(name: str) -> None:
     method = find_method(name)
     assert method is METHODS[name]
     assert isinstance(method.params_type(), method.params_type)
+
+
+def test_what_warms_the_kernels_up_goes_through_every_stage_of_the_thesis() -> None:
+    result = register(corner_scan(), corner_scan(), "thesis")
+    assert result.status == "ok"
