@@ -31,7 +31,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(argv)
     # Everything below imports numpy and more; help and usage errors must not wait for that.
     from harness.config_errors import ConfigError
+    from harness.threads import limit_threads
 
+    limit_threads()
     try:
         if options.list:
             return _list()

@@ -83,7 +83,10 @@ def validated(model: Any, data: Any, file: Path | str, key: Key = ()) -> Any:
     try:
         text = json.dumps(data, allow_nan=False)
     except (TypeError, ValueError):
-        where, value = next(_not_json(data, key))
+        try:
+            where, value = next(_not_json(data, key))
+        except RecursionError:
+            raise ConfigError(file, key, "holds an anchor that refers to itself") from None
         raise ConfigError(file, where, f"should be text or a finite number, not {value}") from None
     try:
         return model.model_validate_json(text, strict=True)

@@ -11,7 +11,7 @@ import pandas as pd
 from harness.pair_view import file_slug
 from harness.schema import Experiment, Pair, PrintedPose, RotationLabels
 from harness.scoring import PARAMETERS, parameter_errors, pose_error, pose_from_parameters
-from harness.table_files import Table
+from harness.table_files import Table, printed
 from harness.views import LABEL_ORDER, relabelled
 
 NAMES = ("Rotation X (deg)", "Rotation Y (deg)", "Rotation Z (deg)",
@@ -131,7 +131,6 @@ def _spread(values: pd.Series[float], sign: str) -> str:
     numbers = values.astype(np.float64)
     if numbers.empty:
         return "none"
-    low, middle, high = (
-        f"{float(v):{sign}.2f}" for v in (numbers.min(), numbers.median(), numbers.max())
-    )
+    quantiles = (numbers.min(), numbers.median(), numbers.max())
+    low, middle, high = (printed(float(value), f"{sign}.2f") for value in quantiles)
     return f"{middle} [{low}, {high}]"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -14,10 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.store import Row, Store
+from harness.threads import limit_threads
 from harness.trials import Trial, canonical_json
-
-# One thread each: the processes are the parallelism, and a sum's order must not depend on threads.
-THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -113,8 +110,7 @@ def process_pool(workers: int) -> MakeExecutor:
 
     Starting the server imports in the background; call early, use late.
     """
-    for name in THREAD_LIMITS:
-        os.environ.setdefault(name, "1")
+    limit_threads()
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["harness.preload"])
     from multiprocessing import forkserver

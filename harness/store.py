@@ -103,7 +103,12 @@ class Store:
     """
 
     def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StoreError(
+                f"{folder} cannot be a results folder: {error.strerror}; give another with --out"
+            ) from None
         self.path = folder / FILE_NAME
         self._connection = _connect(self.path)
 
@@ -246,7 +251,7 @@ def _parameters(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _connect(path: Path) -> sqlite3.Connection:
-    connection = sqlite3.connect(path)
+    connection = sqlite3.connect(path, timeout=30.0)
     try:
         (version,) = connection.execute("PRAGMA user_version").fetchone()
         if version == 0 and not connection.execute("SELECT * FROM sqlite_master").fetchall():

@@ -35,7 +35,7 @@ class Table:
         """The rows as printed; nothing where there is no number."""
         return [
             [
-                _printed(value, self.formats.get(column, ""))
+                printed(value, self.formats.get(column, ""))
                 for column, value in zip(self.frame.columns, row, strict=True)
             ]
             for row in self.frame.itertuples(index=False)
@@ -75,7 +75,8 @@ def write_tables(tables: Iterable[Table], folder: Path) -> list[Path]:
     return files
 
 
-def _printed(value: object, specification: str) -> str:
+def printed(value: object, specification: str) -> str:
+    """A value as text: nothing for NaN, "none" for infinity, no sign on zero."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     if specification:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import sqlite3
 import subprocess
@@ -24,7 +25,9 @@ SMALL = ["--set", "scan.profiles=24", "--set", "repeats=1"]
 
 def rows_of(folder: Path) -> list[tuple[object, ...]]:
     """The rows as SQLite holds them, without their times."""
-    with sqlite3.connect(folder / "trials.sqlite") as connection:
+    with contextlib.closing(
+        sqlite3.connect(f"file:{folder}/trials.sqlite?mode=ro", uri=True)
+    ) as connection:
         return connection.execute("SELECT * FROM trials ORDER BY id").fetchall()
 
 
@@ -62,6 +65,22 @@ def test_rows_do_not_depend_on_the_workers(tmp_path: Path) -> None:
     one, two = (rows_of(tmp_path / workers) for workers in ("1", "2"))
     assert len(one) > 8
     assert one == two
+
+
+def test_a_row_is_replayed_by_its_id(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    options = [str(DESK), "--out", str(out), "--set", "methods=[{name: thesis}]"]
+    options += ["--set", "repeats=1"]
+    assert main(options) == 0
+    for row in load(out).to_dict("records"):
+        capsys.readouterr()
+        before = rows_of(out)
+        assert main([*options, "--trial", row["id"][:9]]) == 0
+        told = capsys.readouterr().out
+        assert row["id"] in told
+        assert f"{row['estimated_y_mm']:.2f}" in told
+        assert f"{row['rotation_error_deg']:.3f} deg" in told
+        assert rows_of(out) == before
 
 
 def test_another_seed_gives_other_scans(tmp_path: Path) -> None:
@@ -109,8 +128,9 @@ def test_an_interrupted_run_keeps_its_rows_and_goes_on(tmp_path: Path) -> None:
     try:
         deadline = time.monotonic() + 60.0
         while time.monotonic() < deadline:
-            if (out / "trials.sqlite").exists() and len(rows_of(out)) >= 3:
-                break
+            with contextlib.suppress(sqlite3.OperationalError):  # no file or no table yet
+                if len(rows_of(out)) >= 3:
+                    break
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
         _, told = process.communicate(timeout=30)

@@ -32,6 +32,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ([], ["CONFIG", "--list"]),
         ([DESK, "--report-only"], ["trials.sqlite does not exist", "run the experiment first"]),
         ([DESK, "--trial", "zz"], ["--trial", "'zz' is no trial of this config"]),
+        ([DESK, "--out", DESK], ["desk.yaml cannot be a results folder", "--out"]),
         (["--show-scene", "dsk"], ["unknown scene 'dsk'", "'desk'"]),
         (["--show-scene", "clutter", DESK], ["has scene 'desk', not 'clutter'"]),
     ],

@@ -121,6 +121,7 @@ def test_a_wrong_key_or_value_gets_one_line(small_file: Path, override: str, mes
         ("6.4: a\n", "is not valid YAML: key 6.4 in line 1 is no text; write it in quotes"),
         ("a: [\n", "is not valid YAML: "),
         ("- a\n", "should hold keys and values"),
+        ("title: &a [*a]\n", "holds an anchor that refers to itself"),
         ("", "should hold keys and values"),
         (
             "title: !!python/object:os.system {}\n",
