@@ -1,0 +1,171 @@
+"""What all figures share: style, colours, the two views of a drawing, and how a file is written."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from harness.pair_view import PairView
+from registration.scan import FloatArray, IntArray, Scan
+
+TARGET, SOURCE = "#0072B2", "#E69F00"  # blue and orange of Okabe and Ito, safe for the colour-blind
+MARK, GREY, PALE, INK = "#D55E00", "#8C8C8C", "#D9D9D9", "#222222"
+
+AXES = ("X, motion (mm)", "Y, lateral (mm)", "Z, depth (mm)")
+WIDTH_IN = 9.0  # a page's width at this font size
+DPI = 120
+MAX_POINTS = 14_000  # a panel; more hide each other and only fill the file
+
+STYLE: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9.0,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "grid.color": "#E6E6E6",
+    "grid.linewidth": 0.6,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "figure.titlesize": 11.0,
+    "figure.constrained_layout.h_pad": 0.06,
+    "figure.constrained_layout.w_pad": 0.06,
+}
+
+
+class Projection(NamedTuple):
+    """A view of a drawing: the coordinates that run to the right and up the page."""
+
+    name: str
+    right: int
+    up: int
+
+
+# As the sensor sees it; and from above, the sensor at the foot of the page. Y to the right in both.
+FRONT = Projection("Front view", 1, 0)
+TOP = Projection("Top view", 1, 2)
+
+
+class Style:
+    """The style of every figure, whatever the user's matplotlibrc says; a context manager."""
+
+    def __init__(self) -> None:
+        self._context = matplotlib.rc_context()
+
+    def __enter__(self) -> None:
+        self._context.__enter__()
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+
+    def __exit__(self, *raised: object) -> None:
+        self._context.__exit__(None, None, None)
+
+
+def projections(
+    title: str, columns: Sequence[str], points_mm: Sequence[FloatArray], note: str = ""
+) -> tuple[Figure, list[list[Axes]]]:
+    """Make a page of front views above top views, all to one scale.
+
+    columns: title of each. points_mm: arrays (n, 3) that every panel has to have room for.
+    note: text under the panels. Returns the figure and its axes, [front, top][column].
+    """
+    low, high = limits(points_mm)
+    spans = [high[projection.up] - low[projection.up] for projection in (FRONT, TOP)]
+    panel_in = (WIDTH_IN - 0.9) / len(columns) - 0.25
+    height_in = panel_in * sum(spans) / (high[1] - low[1]) + 1.6 + 0.2 * note.count("\n")
+    figure = new_figure(title, min(height_in, 12.0))
+    axes = figure.subplots(2, len(columns), squeeze=False, height_ratios=spans)
+    for row, projection in enumerate((FRONT, TOP)):
+        for column, ax in enumerate(axes[row]):
+            to_scale(ax, projection, low, high)
+            if row == 0:
+                ax.set_title(columns[column])
+                ax.set_xlabel("")
+                ax.tick_params(labelbottom=False)
+            if column > 0:
+                ax.set_ylabel("")
+                ax.tick_params(labelleft=False)
+            else:
+                ax.set_ylabel(f"{projection.name}\n{AXES[projection.up]}")
+    if note:
+        figure.supxlabel(note, fontsize=8.5, color=INK, x=0.02, ha="left")
+    return figure, [list(row) for row in axes]
+
+
+def to_scale(ax: Axes, projection: Projection, low: FloatArray, high: FloatArray) -> None:
+    """Set limits, labels and equal aspect of one panel."""
+    ax.set_xlim(float(low[projection.right]), float(high[projection.right]))
+    ax.set_ylim(float(low[projection.up]), float(high[projection.up]))
+    ax.set_aspect("equal")
+    ax.set_xlabel(AXES[projection.right])
+    ax.set_ylabel(AXES[projection.up])
+
+
+def limits(points_mm: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Corners of a box around all points with a margin; never flat, 100 mm when there are none."""
+    points = np.concatenate([np.zeros((0, 3)), *(p.reshape(-1, 3) for p in points_mm)])
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) == 0:
+        return np.full(3, -50.0), np.full(3, 50.0)
+    low, high = points.min(axis=0), points.max(axis=0)
+    least = 0.2 * max(float((high - low).max()), 50.0)
+    margin = 0.03 * (high - low) + 0.5 * np.maximum(least - (high - low), 0.0)
+    return low - margin, high + margin
+
+
+def new_figure(title: str, height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """An empty page with a title."""
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
+    figure.suptitle(title, x=0.02, ha="left", fontweight="bold")
+    return figure
+
+
+def roles(pair: PairView) -> tuple[tuple[str, str, Scan], tuple[str, str, Scan]]:
+    """Role, name and scan of the two views, the target first."""
+    return ("Target", pair.target_view, pair.target), ("Source", pair.source_view, pair.source)
+
+
+def thinned(points_mm: FloatArray) -> FloatArray:
+    """At most MAX_POINTS of the points (n, 3), in an order that hides no part behind another."""
+    thin: FloatArray = points_mm[mixed_order(len(points_mm))[:MAX_POINTS]]
+    return thin
+
+
+def mixed_order(count: int) -> IntArray:
+    """The indices 0 to count - 1, shuffled, the same way each time."""
+    return np.random.default_rng(0).permutation(count).astype(np.int64)
+
+
+def amount(count: int, noun: str) -> str:
+    """A number with its noun, thousands apart: "32 365 points", "1 patch"."""
+    many = noun + ("es" if noun.endswith("ch") else "s")
+    return f"{count:,} {noun if count == 1 else many}".replace(",", "\N{NO-BREAK SPACE}")
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a PNG of few colours, the same bytes for the same figure; replaces an older file."""
+    pixels = io.BytesIO()
+    figure.savefig(pixels, format="rgba", dpi=DPI)
+    image = Image.frombytes("RGBA", FigureCanvasAgg(figure).get_width_height(), pixels.getvalue())
+    # A page of dots and lines looks no different in 255 colours and takes a third of the space.
+    image = image.convert("RGB").quantize(
+        255, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
+    )
+    draft = path.with_name(f"{path.stem}.{os.getpid()}.part")
+    image.save(draft, format="PNG", optimize=True)
+    draft.replace(path)
+    return path

@@ -1,0 +1,139 @@
+"""Figures of the compact representation: line segments and patches (6.5, 6.6, 6.15 to 6.17)."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from harness.figures_page import (
+    FRONT,
+    INK,
+    PALE,
+    TOP,
+    Projection,
+    amount,
+    projections,
+    roles,
+)  # fmt: skip
+from harness.pair_view import PairView
+from registration.scan import FloatArray, IntArray
+from registration.thesis.evidence import ViewEvidence
+from registration.thesis.patches import Patches
+from registration.thesis.segments import Segments
+
+# Paul Tol's "muted" colours, safe for the colour-blind; heaviest normals first.
+NORMAL_COLOURS = (
+    "#332288", "#CC6677", "#117733", "#DDCC77", "#88CCEE", "#882255", "#44AA99", "#AA4499",
+    "#999933",
+)  # fmt: skip
+LABEL_DISTANCE_MM = 26.0  # two numbers closer than this would run into each other
+
+
+def draw_segments(pair: PairView, segments: tuple[Segments, Segments], title: str) -> Figure:
+    """The straight lines of every profile, coloured by the angle of their normal."""
+    columns = [
+        f"{role}: {view} view\n{amount(len(lines), 'line segment')} "
+        f"of {amount(scan.n_valid, 'point')}"
+        for (role, view, scan), lines in zip(roles(pair), segments, strict=True)
+    ]
+    figure, axes = projections(
+        f"{title}\nLine segments", columns, [lines.endpoints_mm for lines in segments]
+    )
+    drawn = None
+    for column, lines in enumerate(segments):
+        angle_deg = np.rad2deg(np.arctan2(lines.normal[:, 1], -lines.normal[:, 2]))
+        for row, projection in enumerate((FRONT, TOP)):
+            drawn = LineCollection(
+                list(lines.endpoints_mm[:, :, [projection.right, projection.up]]),
+                array=angle_deg, cmap="viridis", clim=(-90.0, 90.0), lw=1.0,
+            )  # fmt: skip
+            axes[row][column].add_collection(drawn)
+    if drawn is not None:
+        bar = figure.colorbar(drawn, ax=axes[0], shrink=0.9, pad=0.01, aspect=25)
+        bar.set_label("Angle of the normal, from facing the\nsensor towards the right (degrees)")
+        bar.set_ticks([-90, -45, 0, 45, 90])
+    return figure
+
+
+def draw_patches(
+    pair: PairView, views: tuple[ViewEvidence, ViewEvidence], matches: IntArray, title: str
+) -> Figure:
+    """The planar patches, numbered by the normal that they belong to and coloured by its match."""
+    columns = [
+        f"{role}: {view} view\n{amount(len(found.patches), 'patch')}, "
+        f"{amount(len(found.sphere), 'normal')}"
+        for (role, view, _), found in zip(roles(pair), views, strict=True)
+    ]
+    note = "Number: the patch's normal on the Gauss sphere of its view, 1 has the largest area."
+    note += (
+        "\nColour: normals that the method matched have the same one in both views; grey: unmatched"
+        f"{'' if len(matches) <= len(NORMAL_COLOURS) else ', or further down the list'}."
+        if len(matches)
+        else "\nNo normals were matched, so nothing is coloured."
+    ) + "  Dashed: patches between groups of profiles."
+    figure, axes = projections(
+        f"{title}\nPatches", columns, [view.patches.corners_mm for view in views], note
+    )
+    for column, view in enumerate(views):
+        colours = normal_colours(len(view.sphere), matches[:, column])
+        for row, projection in enumerate((FRONT, TOP)):
+            _draw_patches(axes[row][column], view.patches, view.sphere.member, colours, projection)
+    return figure
+
+
+def normal_colours(n_normals: int, matched: IntArray) -> list[str]:
+    """A colour for each normal of a view: that of its match, or pale grey.
+
+    matched: (k,) the view's normal in each match, those to be coloured first.
+    """
+    colours = [PALE] * n_normals
+    for place, normal in reversed(list(enumerate(matched[: len(NORMAL_COLOURS)]))):
+        colours[normal] = NORMAL_COLOURS[place]
+    return colours
+
+
+def sorted_matches(matches: IntArray, target_weight: FloatArray) -> IntArray:
+    """(k, 2) matches of normals, the one of the target's largest area first."""
+    ordered: IntArray = matches[np.argsort(-target_weight[matches[:, 0]], kind="stable")]
+    return ordered
+
+
+def _draw_patches(
+    ax: Axes, patches: Patches, member: IntArray, colours: list[str], projection: Projection
+) -> None:
+    outline = patches.corners_mm[:, :, [projection.right, projection.up]]
+    order = np.argsort(-patches.area_mm2, kind="stable")  # small ones on top of large ones
+    for intermediate in (False, True):
+        chosen = order[patches.intermediate[order] == intermediate]
+        faces = PolyCollection(
+            list(outline[chosen]),
+            facecolors=[(*_rgb(colours[member[m]]), 0.75) for m in chosen],
+            edgecolors=INK,
+            linewidths=0.7,
+            linestyles="--" if intermediate else "-",
+        )
+        ax.add_collection(faces)
+    placed = np.zeros((0, 2))
+    for m in order:
+        size = np.ptp(outline[m], axis=0)
+        at = outline[m].mean(axis=0)
+        if size.min() < 12.0 or (np.linalg.norm(placed - at, axis=1) < LABEL_DISTANCE_MM).any():
+            continue
+        placed = np.vstack([placed, at])
+        colour = "white" if sum(_rgb(colours[member[m]])) < 1.5 else INK
+        ax.text(
+            float(at[0]),
+            float(at[1]),
+            str(member[m] + 1),
+            ha="center",
+            va="center",
+            fontsize=8,
+            color=colour,
+        )
+
+
+def _rgb(colour: str) -> tuple[float, float, float]:
+    red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return red, green, blue
