@@ -11,10 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from registration.kernels import compiled
 from registration.scan import FloatArray, Scan
 
 PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
 DEPTH_BINS = 6
+NOISE_PROFILES = 16  # enough for the noise to a few percent
 MIN_TRIPLES_PER_BIN = 50
 MIN_SIGMA_MM = 0.02
 
@@ -41,19 +43,49 @@ class Fan(NamedTuple):
 def fan_of(scan: Scan) -> Fan:
     """Describe a scan by its beams; the apex is estimated when the scan does not carry it."""
     apex_mm = estimate_apex(scan) if scan.apex_mm is None else scan.apex_mm
-    n_profiles = scan.points_mm.shape[0]
-    valid = scan.valid
-    depth_mm = scan.points_mm[..., 2] - apex_mm[2]
-    depth_mm = np.where(depth_mm > 0.0, depth_mm, np.nan)
-    slope = np.where(valid, (scan.points_mm[..., 1] - apex_mm[1]) / depth_mm, 0.0)
-    slope[~np.isfinite(slope)] = 0.0
-    counts = valid.sum(axis=1)
-    nominal_mm = apex_mm[0] + scan.step_mm * np.arange(n_profiles)
-    sums_mm = np.where(valid, scan.points_mm[..., 0], 0.0).sum(axis=1)
-    x_mm = np.where(counts > 0, sums_mm / np.maximum(counts, 1), nominal_mm)
-    seen = valid.sum(axis=0)
-    column_slope = np.where(seen > 0, slope.sum(axis=0) / np.maximum(seen, 1), np.nan)
-    return Fan(x_mm, apex_mm, slope, depth_mm, depth_noise(depth_mm, slope), column_slope)
+    n_profiles, n_pixels, _ = scan.points_mm.shape
+    fan = Fan(
+        x_mm=apex_mm[0] + scan.step_mm * np.arange(n_profiles, dtype=np.float64),
+        apex_mm=np.array(apex_mm),
+        slope=np.zeros((n_profiles, n_pixels)),
+        depth_mm=np.full((n_profiles, n_pixels), np.nan),
+        sigma_mm=np.zeros((n_profiles, n_pixels)),
+        column_slope=np.full(n_pixels, np.nan),
+    )
+    _take_beams(scan.points_mm, fan)
+    constant, square = depth_noise(fan.depth_mm, fan.slope)
+    _take_noise(fan, constant, square)
+    return fan
+
+
+@compiled
+def _take_beams(points: FloatArray, fan: Fan) -> None:
+    sums, seen = np.zeros(points.shape[1]), np.zeros(points.shape[1])
+    for p in range(points.shape[0]):
+        x, n = 0.0, 0
+        for u in range(points.shape[1]):
+            depth = points[p, u, 2] - fan.apex_mm[2]
+            if depth > 0.0:
+                slope = (points[p, u, 1] - fan.apex_mm[1]) / depth
+                fan.depth_mm[p, u] = depth
+                fan.slope[p, u] = slope
+                x += points[p, u, 0]
+                n += 1
+                sums[u] += slope
+                seen[u] += 1.0
+        if n > 0:
+            fan.x_mm[p] = x / n
+    for u in range(points.shape[1]):
+        if seen[u] > 0.0:
+            fan.column_slope[u] = sums[u] / seen[u]
+
+
+@compiled
+def _take_noise(fan: Fan, constant: float, square: float) -> None:
+    for p in range(fan.depth_mm.shape[0]):
+        for u in range(fan.depth_mm.shape[1]):
+            sigma = constant + square * fan.depth_mm[p, u] ** 2
+            fan.sigma_mm[p, u] = max(sigma, MIN_SIGMA_MM)
 
 
 def estimate_apex(scan: Scan) -> FloatArray:
@@ -85,34 +117,33 @@ def estimate_apex(scan: Scan) -> FloatArray:
     return np.array([0.0, solution[0], solution[1]])
 
 
-def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> FloatArray:
-    """Estimate the noise of every depth from its neighbours along the profile.
+def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:
+    """Estimate the noise of the depths from their neighbours along the profile.
 
     The second difference of the inverse depth over the slope vanishes on a plane. Its clipped
-    spread in bins of depth is fitted by sigma = a + b depth^2, both not negative.
-    Returns (profiles, pixels) in mm.
+    spread in bins of depth, from profiles spread over the scan, is fitted by
+    sigma = a + b depth^2, both not negative. Returns (a in mm, b in 1/mm).
     """
-    inverse = 1.0 / depth_mm
+    stride = max(1, depth_mm.shape[0] // NOISE_PROFILES)
+    depth, slope = depth_mm[stride // 2 :: stride], slope[stride // 2 :: stride]
+    inverse = 1.0 / depth
     s0, s1, s2 = slope[:, :-2], slope[:, 1:-1], slope[:, 2:]
     with np.errstate(invalid="ignore", divide="ignore"):
         share = (s1 - s0) / (s2 - s0)
         deviation = inverse[:, 1:-1] - (1.0 - share) * inverse[:, :-2] - share * inverse[:, 2:]
         deviation /= np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
-    known = np.isfinite(deviation) & (share > 0.2) & (share < 0.8)
-    fallback = np.full(depth_mm.shape, MIN_SIGMA_MM)
+        known = np.isfinite(deviation) & (share > 0.2) & (share < 0.8)
     if np.count_nonzero(known) < MIN_TRIPLES_PER_BIN:
-        return fallback
-    middle = depth_mm[:, 1:-1][known]
+        return MIN_SIGMA_MM, 0.0
+    middle = depth[:, 1:-1][known]
     error_mm = np.abs(deviation[known]) * middle**2
     order = np.argsort(middle, kind="stable")
-    bins = min(DEPTH_BINS, max(1, order.size // MIN_TRIPLES_PER_BIN))
+    bins = min(DEPTH_BINS, order.size // MIN_TRIPLES_PER_BIN)
     depths, sigmas = [], []
     for chosen in np.array_split(order, bins):
         depths.append(float(middle[chosen].mean()))
         sigmas.append(_clipped_spread(error_mm[chosen]))
-    return np.asarray(
-        _growing_noise(np.array(depths), np.array(sigmas), np.where(depth_mm > 0, depth_mm, 1.0))
-    )
+    return _growing_noise(np.array(depths), np.array(sigmas))
 
 
 def _clipped_spread(error: FloatArray) -> float:
@@ -129,16 +160,13 @@ def _clipped_spread(error: FloatArray) -> float:
     return max(spread, MIN_SIGMA_MM)
 
 
-def _growing_noise(depths: FloatArray, sigmas: FloatArray, at_mm: FloatArray) -> FloatArray:
+def _growing_noise(depths: FloatArray, sigmas: FloatArray) -> tuple[float, float]:
     squares = depths**2
-    if depths.size >= 2 and np.ptp(squares) > 0.0:
-        b = float(np.cov(squares, sigmas)[0, 1] / np.var(squares, ddof=1))
-        a = float(sigmas.mean() - b * squares.mean())
-        if a < 0.0:
-            a, b = 0.0, float((sigmas * squares).sum() / (squares**2).sum())
-        if b < 0.0:
-            a, b = float(sigmas.mean()), 0.0
-    else:
-        a, b = float(sigmas.mean()), 0.0
-    noise: FloatArray = np.maximum(a + b * at_mm**2, MIN_SIGMA_MM)
-    return noise
+    mean = float(sigmas.mean())
+    if depths.size < 2 or np.ptp(squares) == 0.0:
+        return mean, 0.0
+    b = float(np.cov(squares, sigmas)[0, 1] / np.var(squares, ddof=1))
+    a = mean - b * float(squares.mean())
+    if a < 0.0:
+        return 0.0, float((sigmas * squares).sum() / (squares**2).sum())
+    return (a, b) if b > 0.0 else (mean, 0.0)

@@ -21,15 +21,27 @@ def distinct(
     """
     kept: list[Settled] = []
     for pose in sorted(settled, key=lambda p: -p.score):
-        if all(not _same(pose, other, centre_mm, params) for other in kept):
+        if all(not same(other, pose.rotation, pose.shift_mm, centre_mm, params) for other in kept):
             kept.append(pose)
     return kept
 
 
-def _same(a: Settled, b: Settled, centre_mm: FloatArray, params: DecisionParams) -> bool:
-    turn = Rotation.from_matrix(a.rotation @ b.rotation.T).magnitude()
-    moved = (a.rotation - b.rotation) @ centre_mm + a.shift_mm - b.shift_mm
-    return bool(turn < params.distinct_rad and np.linalg.norm(moved) < params.distinct_mm)
+def same(
+    pose: Settled,
+    rotation: FloatArray,
+    shift_mm: FloatArray,
+    centre_mm: FloatArray,
+    params: DecisionParams,
+) -> bool:
+    """Whether a pose and (rotation, shift) differ by less than distinct answers do."""
+    turn = pose.rotation @ rotation.T
+    # |R - I|^2 = 8 sin^2(angle / 2) for every rotation.
+    chord = np.sqrt(((turn - np.eye(3)) ** 2).sum() / 8.0)
+    moved = (pose.rotation - rotation) @ centre_mm + pose.shift_mm - shift_mm
+    return bool(
+        2.0 * np.arcsin(min(chord, 1.0)) < params.distinct_rad
+        and np.linalg.norm(moved) < params.distinct_mm
+    )
 
 
 def judge(

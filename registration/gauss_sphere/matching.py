@@ -60,6 +60,7 @@ def settle(
         comparison(verification),
         likelihood(refine),
         np.asarray(match.tolerances_mm),
+        np.asarray(match.strides),
         match.least_samples,
         r,
         t,
@@ -79,6 +80,7 @@ def _settle(
     how: Comparison,
     likely: Likelihood,
     tolerances: FloatArray,
+    strides: IntArray,
     least: int,
     r: FloatArray,
     t: FloatArray,
@@ -89,8 +91,8 @@ def _settle(
 ) -> int:
     counts = np.zeros((target.patches.n_points.size, source.patches.n_points.size), np.int64)
     n = 0
-    for tolerance in tolerances:
-        compare_both(target, source, how, r, t, tolerance, 1, counts, areas)
+    for stage in range(tolerances.size):
+        compare_both(target, source, how, r, t, tolerances[stage], strides[stage], counts, areas)
         n = 0
         for i in range(counts.shape[0]):
             for k in range(counts.shape[1]):

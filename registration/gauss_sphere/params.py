@@ -89,6 +89,7 @@ class VerificationParams:
     rough_tolerance_mm: float = 20.0
     rough_stride: int = 8
     kept: int = 10
+    worth_settling: float = 0.4
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,7 @@ class MatchParams:
     """Planes matched under a pose."""
 
     tolerances_mm: tuple[float, ...] = (20.0, 10.0, 5.0, 5.0)
+    strides: tuple[int, ...] = (4, 4, 1, 1)
     least_samples: int = 3
 
 

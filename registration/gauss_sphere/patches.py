@@ -10,7 +10,7 @@ from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.small_matrices import invert_symmetric3, solve_symmetric3
 from registration.kernels import compiled
-from registration.scan import FloatArray, IntArray
+from registration.scan import BoolArray, FloatArray, IntArray
 
 
 class Patches(NamedTuple):
@@ -78,191 +78,192 @@ def fit_patches(fan: Fan, label: IntArray, n_patches: int, params: PatchParams) 
 
 
 @compiled
-def _first_planes(fan: Fan, label: IntArray, normal: FloatArray, offset: FloatArray) -> None:
-    """Least squares of q = A + B s + C (x - x0) q, with the profiles' mean as x0."""
-    x, slope, depth, sigma = fan.x_mm, fan.slope, fan.depth_mm, fan.sigma_mm
-    m = normal.shape[0]
-    mean_x, n = np.zeros(m), np.zeros(m)
-    for p in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
+def _fit_planes(fan: Fan, gate: float, rounds: int, patches: Patches) -> None:
+    """Fill in all of patches from its label, in coordinates whose y and z start at the apex.
+
+    Points farther off than gate standard deviations lose their label.
+    """
+    label, n_patches = patches.label, patches.offset_mm.size
+    starts = np.zeros(n_patches + 1, np.int64)
+    for p in range(label.shape[0]):
+        for u in range(label.shape[1]):
+            if label[p, u] >= 0:
+                starts[label[p, u] + 1] += 1
+    for i in range(n_patches):
+        starts[i + 1] += starts[i]
+    filled = starts[:-1].copy()
+    row, pixel = np.empty(starts[-1], np.int64), np.empty(starts[-1], np.int64)
+    beams = np.empty((4, starts[-1]))
+    for p in range(label.shape[0]):
+        for u in range(label.shape[1]):
             i = label[p, u]
             if i >= 0:
-                mean_x[i] += x[p]
-                n[i] += 1.0
-    mean_x /= np.maximum(n, 1.0)
-    g = np.zeros((m, 3, 4))
-    for p in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
-            i = label[p, u]
-            if i >= 0:
-                q, s = 1.0 / depth[p, u], slope[p, u]
-                v = (x[p] - mean_x[i]) * q
-                w = depth[p, u] ** 4 / sigma[p, u] ** 2
-                g[i, 0, 0] += w
-                g[i, 0, 1] += w * s
-                g[i, 0, 2] += w * v
-                g[i, 1, 1] += w * s * s
-                g[i, 1, 2] += w * s * v
-                g[i, 2, 2] += w * v * v
-                g[i, 0, 3] += w * q
-                g[i, 1, 3] += w * s * q
-                g[i, 2, 3] += w * v * q
-    solution = np.zeros(3)
-    for i in range(m):
-        solve_symmetric3(g[i], solution)
-        a, b, c = solution
-        # 1 = a z + b y + c (x - x0)
-        scale = np.sqrt(a * a + b * b + c * c)
-        if scale > 0.0:
-            normal[i, 0], normal[i, 1], normal[i, 2] = -c / scale, -b / scale, -a / scale
-            offset[i] = -(1.0 + c * mean_x[i]) / scale
+                j = filled[i]
+                filled[i] += 1
+                row[j], pixel[j] = p, u
+                beams[0, j], beams[1, j] = fan.x_mm[p], fan.slope[p, u]
+                beams[2, j], beams[3, j] = fan.depth_mm[p, u], fan.sigma_mm[p, u]
+    kept = np.empty(starts[-1], np.bool_)
+    area_per_beam = _beam_area(fan)
+    for i in range(n_patches):
+        a, b = starts[i], starts[i + 1]
+        if b - a >= 4:
+            _fit_plane(beams[:, a:b], gate, rounds, area_per_beam, patches, i, kept[a:b])
+        else:
+            kept[a:b] = False
+    for j in range(starts[-1]):
+        if not kept[j]:
+            label[row[j], pixel[j]] = -1
 
 
 @compiled
-def _fit_planes(fan: Fan, gate: float, rounds: int, patches: Patches) -> None:
-    """Fill in all of patches from its label, in coordinates whose y and z start at the apex."""
-    x, slope, depth, sigma = fan.x_mm, fan.slope, fan.depth_mm, fan.sigma_mm
-    label, normal, offset = patches.label, patches.normal, patches.offset_mm
-    centroid, basis = patches.centroid_mm, patches.basis
-    m = normal.shape[0]
-    _first_planes(fan, label, normal, offset)
-    sums = np.zeros((m, 12))
-    g = np.zeros((m, 3, 4))
-    step, information = np.zeros(3), np.zeros((3, 3))
-    for r in range(rounds):
-        last = r == rounds - 1
-        # Where the plane lies in the middle of its points, and two tangents there.
-        sums[:] = 0.0
-        for p in range(depth.shape[0]):
-            for u in range(depth.shape[1]):
-                i = label[p, u]
-                if i >= 0:
-                    sums[i, 0] += 1.0
-                    sums[i, 1] += x[p]
-                    sums[i, 2] += slope[p, u] * depth[p, u]
-                    sums[i, 3] += depth[p, u]
-        for i in range(m):
-            n = max(sums[i, 0], 1.0)
-            n0, n1, n2 = normal[i]
-            c0, c1, c2 = sums[i, 1] / n, sums[i, 2] / n, sums[i, 3] / n
-            h = offset[i] - (n0 * c0 + n1 * c1 + n2 * c2)
-            centroid[i, 0], centroid[i, 1], centroid[i, 2] = c0 + h * n0, c1 + h * n1, c2 + h * n2
-            if r == 0:
-                length = np.sqrt(n1 * n1 + n2 * n2)
-                if length < 1e-6:
-                    basis[i, 0, 0], basis[i, 0, 1], basis[i, 0, 2] = 0.0, 1.0, 0.0
-                else:
-                    basis[i, 0, 0] = 0.0
-                    basis[i, 0, 1], basis[i, 0, 2] = -n2 / length, n1 / length
-            else:
-                e = basis[i, 0]
-                along = e[0] * n0 + e[1] * n1 + e[2] * n2
-                e[0], e[1], e[2] = e[0] - along * n0, e[1] - along * n1, e[2] - along * n2
-                length = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
-                e[0], e[1], e[2] = e[0] / length, e[1] / length, e[2] / length
-            e, f = basis[i, 0], basis[i, 1]
-            f[0], f[1], f[2] = n1 * e[2] - n2 * e[1], n2 * e[0] - n0 * e[2], n0 * e[1] - n1 * e[0]
-        g[:] = 0.0
-        sums[:] = 0.0
-        for p in range(depth.shape[0]):
-            for u in range(depth.shape[1]):
-                i = label[p, u]
-                if i < 0:
-                    continue
-                s, d = slope[p, u], depth[p, u]
-                n0, n1, n2 = normal[i]
-                nb = n1 * s + n2
-                res = n0 * x[p] + nb * d - offset[i]
-                sd = sigma[p, u] * abs(nb)
-                if nb >= 0.0 or abs(res) > gate * sd:
-                    if last:
-                        label[p, u] = -1
-                    continue
-                foot = d - res / nb
-                v0 = x[p] - centroid[i, 0]
-                v1 = s * foot - centroid[i, 1]
-                v2 = foot - centroid[i, 2]
-                a = basis[i, 0, 0] * v0 + basis[i, 0, 1] * v1 + basis[i, 0, 2] * v2
-                b = basis[i, 1, 0] * v0 + basis[i, 1, 1] * v1 + basis[i, 1, 2] * v2
-                w = 1.0 / (sd * sd)
-                g[i, 0, 0] += w * a * a
-                g[i, 0, 1] += w * a * b
-                g[i, 0, 2] -= w * a
-                g[i, 1, 1] += w * b * b
-                g[i, 1, 2] -= w * b
-                g[i, 2, 2] += w
-                g[i, 0, 3] -= w * a * res
-                g[i, 1, 3] -= w * b * res
-                g[i, 2, 3] += w * res
-                if last:
-                    sums[i, 0] += 1.0
-                    sums[i, 1] += a
-                    sums[i, 2] += b
-                    sums[i, 3] += a * a
-                    sums[i, 4] += a * b
-                    sums[i, 5] += b * b
-                    sums[i, 6] += w * res * res
-                    sums[i, 7] += foot / abs(nb)
-        for i in range(m):
-            if g[i, 2, 2] <= 0.0:
-                continue
-            solve_symmetric3(g[i], step)
-            at = normal[i, 0] * centroid[i, 0] + normal[i, 1] * centroid[i, 1]
-            at += normal[i, 2] * centroid[i, 2]
-            at += step[2]
-            size = 0.0
-            for t in range(3):
-                normal[i, t] += step[0] * basis[i, 0, t] + step[1] * basis[i, 1, t]
-                size += normal[i, t] ** 2
-            size = np.sqrt(size)
-            moved = 0.0
-            for t in range(3):
-                # The foot of the old centroid on the new plane; the tilt is about the centroid.
-                moved += step[0] * basis[i, 0, t] * centroid[i, t]
-                moved += step[1] * basis[i, 1, t] * centroid[i, t]
-                normal[i, t] /= size
-            offset[i] = (at + moved) / size
-    # A nearly constant spacing of the beams is enough for an area.
+def _beam_area(fan: Fan) -> float:
+    """What a beam stands for in profile spacing times slope: a nearly constant one will do."""
     low, high = np.inf, -np.inf
-    for p in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
-            if np.isfinite(depth[p, u]):
-                low, high = min(low, slope[p, u]), max(high, slope[p, u])
-    ds = (high - low) / max(depth.shape[1] - 1, 1)
-    dx = abs(x[-1] - x[0]) / max(x.size - 1, 1)
-    for i in range(m):
-        patches.n_points[i] = int(sums[i, 0])
-        if patches.n_points[i] < 4:
-            continue
-        n = sums[i, 0]
-        ma, mb = sums[i, 1] / n, sums[i, 2] / n
-        vaa, vab, vbb = sums[i, 3] / n - ma * ma, sums[i, 4] / n - ma * mb, sums[i, 5] / n - mb * mb
-        patches.chi2[i] = sums[i, 6] / n
-        patches.area_mm2[i] = sums[i, 7] * ds * dx
-        # Information about the mean of the points, then turned to their principal axes.
+    for u in range(fan.column_slope.size):
+        low, high = min(low, fan.column_slope[u]), max(high, fan.column_slope[u])
+    rows, columns = fan.depth_mm.shape
+    beams = max((rows - 1) * (columns - 1), 1)
+    return float(abs((high - low) * (fan.x_mm[-1] - fan.x_mm[0])) / beams)
+
+
+@compiled
+def _first_plane(beams: FloatArray, plane: FloatArray) -> None:
+    """Least squares of q = A + B s + C (x - x0) q, q the inverse depth, x0 the mean x.
+
+    plane: (4,) out, unit normal towards the sensor and offset.
+    """
+    x0 = beams[0].mean()
+    g, solution = np.zeros((3, 4)), np.zeros(3)
+    for j in range(beams.shape[1]):
+        s, q = beams[1, j], 1.0 / beams[2, j]
+        v = (beams[0, j] - x0) * q
+        w = (beams[2, j] * beams[2, j] / beams[3, j]) ** 2
+        g[0, 0] += w
+        g[0, 1] += w * s
+        g[0, 2] += w * v
+        g[1, 1] += w * s * s
+        g[1, 2] += w * s * v
+        g[2, 2] += w * v * v
+        g[0, 3] += w * q
+        g[1, 3] += w * s * q
+        g[2, 3] += w * v * q
+    solve_symmetric3(g, solution)
+    # 1 = A z + B y + C (x - x0)
+    size = np.sqrt(solution[0] ** 2 + solution[1] ** 2 + solution[2] ** 2)
+    plane[0], plane[1], plane[2] = -solution[2] / size, -solution[1] / size, -solution[0] / size
+    plane[3] = -(1.0 + solution[2] * x0) / size
+
+
+@compiled
+def _fit_plane(
+    beams: FloatArray,
+    gate: float,
+    rounds: int,
+    area_per_beam: float,
+    out: Patches,
+    i: int,
+    kept: BoolArray,
+) -> None:
+    """Fit patch i to its beams (4, n): x, slope, depth and standard deviation."""
+    n = beams.shape[1]
+    plane, g, step = np.zeros(4), np.zeros((3, 4)), np.zeros(3)
+    moments = np.zeros(8)
+    _first_plane(beams, plane)
+    mean_x, mean_y, mean_z = beams[0].mean(), (beams[1] * beams[2]).mean(), beams[2].mean()
+    centre, e, f = out.centroid_mm[i], out.basis[i, 0], out.basis[i, 1]
+    # The first tangent across the line of motion, the second along it: turned at the end.
+    e[0], e[1], e[2] = 0.0, -plane[2], plane[1]
+    for _ in range(rounds):
+        n0, n1, n2 = plane[0], plane[1], plane[2]
+        away = plane[3] - (n0 * mean_x + n1 * mean_y + n2 * mean_z)
+        centre[0], centre[1], centre[2] = mean_x + away * n0, mean_y + away * n1, mean_z + away * n2
+        along = e[0] * n0 + e[1] * n1 + e[2] * n2
+        e[0], e[1], e[2] = e[0] - along * n0, e[1] - along * n1, e[2] - along * n2
+        size = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+        e[0], e[1], e[2] = e[0] / size, e[1] / size, e[2] / size
+        f[0], f[1], f[2] = n1 * e[2] - n2 * e[1], n2 * e[0] - n0 * e[2], n0 * e[1] - n1 * e[0]
+        g[:] = 0.0
+        moments[:] = 0.0
+        for j in range(n):
+            x, s, d = beams[0, j], beams[1, j], beams[2, j]
+            nb = n1 * s + n2
+            residual = n0 * x + nb * d - plane[3]
+            deviation = beams[3, j] * abs(nb)
+            kept[j] = nb < 0.0 and abs(residual) <= gate * deviation
+            if not kept[j]:
+                continue
+            foot = d - residual / nb
+            v0, v1, v2 = x - centre[0], s * foot - centre[1], foot - centre[2]
+            a = e[0] * v0 + e[1] * v1 + e[2] * v2
+            b = f[0] * v0 + f[1] * v1 + f[2] * v2
+            w = 1.0 / (deviation * deviation)
+            g[0, 0] += w * a * a
+            g[0, 1] += w * a * b
+            g[0, 2] -= w * a
+            g[1, 1] += w * b * b
+            g[1, 2] -= w * b
+            g[2, 2] += w
+            g[0, 3] -= w * a * residual
+            g[1, 3] -= w * b * residual
+            g[2, 3] += w * residual
+            moments[0] += 1.0
+            moments[1] += a
+            moments[2] += b
+            moments[3] += a * a
+            moments[4] += a * b
+            moments[5] += b * b
+            moments[6] += w * residual * residual
+            moments[7] -= foot / nb
+        if moments[0] < 4.0:
+            kept[:] = False
+            return
+        solve_symmetric3(g, step)
         for t in range(3):
-            centroid[i, t] += ma * basis[i, 0, t] + mb * basis[i, 1, t]
-        at = offset[i]
-        for t in range(3):
-            at -= normal[i, t] * centroid[i, t]
-        for t in range(3):
-            centroid[i, t] += at * normal[i, t]
-        w = g[i, 2, 2]
-        wa, wb = -g[i, 0, 2] - w * ma, -g[i, 1, 2] - w * mb
-        waa = g[i, 0, 0] + 2.0 * ma * g[i, 0, 2] + w * ma * ma
-        wbb = g[i, 1, 1] + 2.0 * mb * g[i, 1, 2] + w * mb * mb
-        wab = g[i, 0, 1] + ma * g[i, 1, 2] + mb * g[i, 0, 2] + w * ma * mb
-        turn = 0.5 * np.arctan2(2.0 * vab, vaa - vbb)
-        c, s = np.cos(turn), np.sin(turn)
-        for t in range(3):
-            e, f = basis[i, 0, t], basis[i, 1, t]
-            basis[i, 0, t], basis[i, 1, t] = c * e + s * f, c * f - s * e
-        patches.spread_mm[i, 0] = np.sqrt(max(c * c * vaa + 2.0 * c * s * vab + s * s * vbb, 0.0))
-        patches.spread_mm[i, 1] = np.sqrt(max(s * s * vaa - 2.0 * c * s * vab + c * c * vbb, 0.0))
-        o = information
-        o[0, 0] = c * c * waa + 2.0 * c * s * wab + s * s * wbb
-        o[1, 1] = s * s * waa - 2.0 * c * s * wab + c * c * wbb
-        o[0, 1] = c * s * (wbb - waa) + (c * c - s * s) * wab
-        o[0, 2], o[1, 2], o[2, 2] = -(c * wa + s * wb), -(c * wb - s * wa), w
-        o[1, 0], o[2, 0], o[2, 1] = o[0, 1], o[0, 2], o[1, 2]
-        invert_symmetric3(information, patches.covariance[i])
+            plane[t] += step[0] * e[t] + step[1] * f[t]
+        # The offset moves at the centre, about which the plane tilts.
+        plane[3] = plane[0] * centre[0] + plane[1] * centre[1] + plane[2] * centre[2] + step[2]
+        size = np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
+        plane /= size
+    out.normal[i] = plane[:3]
+    out.offset_mm[i] = plane[3]
+    out.n_points[i] = int(moments[0])
+    out.chi2[i] = moments[6] / moments[0]
+    out.area_mm2[i] = moments[7] * area_per_beam
+    _summarise(moments, g, plane, out, i)
+
+
+@compiled
+def _summarise(moments: FloatArray, g: FloatArray, plane: FloatArray, out: Patches, i: int) -> None:
+    """Centroid, principal axes and the covariance about them."""
+    centre, e, f = out.centroid_mm[i], out.basis[i, 0], out.basis[i, 1]
+    n = moments[0]
+    ma, mb = moments[1] / n, moments[2] / n
+    vaa, vab = moments[3] / n - ma * ma, moments[4] / n - ma * mb
+    vbb = moments[5] / n - mb * mb
+    away = plane[3]
+    for t in range(3):
+        centre[t] += ma * e[t] + mb * f[t]
+        away -= plane[t] * centre[t]
+    for t in range(3):
+        centre[t] += away * plane[t]
+    turn = 0.5 * np.arctan2(2.0 * vab, vaa - vbb)
+    c, s = np.cos(turn), np.sin(turn)
+    for t in range(3):
+        e[t], f[t] = c * e[t] + s * f[t], c * f[t] - s * e[t]
+    out.spread_mm[i, 0] = np.sqrt(max(c * c * vaa + 2.0 * c * s * vab + s * s * vbb, 0.0))
+    out.spread_mm[i, 1] = np.sqrt(max(s * s * vaa - 2.0 * c * s * vab + c * c * vbb, 0.0))
+    w = g[2, 2]
+    wa, wb = -g[0, 2] - w * ma, -g[1, 2] - w * mb
+    waa = g[0, 0] + 2.0 * ma * g[0, 2] + w * ma * ma
+    wbb = g[1, 1] + 2.0 * mb * g[1, 2] + w * mb * mb
+    wab = g[0, 1] + ma * g[1, 2] + mb * g[0, 2] + w * ma * mb
+    information = np.empty((3, 3))
+    information[0, 0] = c * c * waa + 2.0 * c * s * wab + s * s * wbb
+    information[1, 1] = s * s * waa - 2.0 * c * s * wab + c * c * wbb
+    information[0, 1] = c * s * (wbb - waa) + (c * c - s * s) * wab
+    information[0, 2], information[1, 2] = -(c * wa + s * wb), -(c * wb - s * wa)
+    information[2, 2] = w
+    information[1, 0], information[2, 0] = information[0, 1], information[0, 2]
+    information[2, 1] = information[1, 2]
+    invert_symmetric3(information, out.covariance[i])

@@ -8,9 +8,9 @@ from time import perf_counter
 import numpy as np
 
 from registration.gauss_sphere.beams import fan_of
-from registration.gauss_sphere.decision import distinct, judge
+from registration.gauss_sphere.decision import distinct, judge, same
 from registration.gauss_sphere.growing import find_patches
-from registration.gauss_sphere.matching import settle
+from registration.gauss_sphere.matching import Settled, settle
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
@@ -68,28 +68,59 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
         target, source, rotations, shifts, rough.rough_tolerance_mm, rough.rough_stride, rough
     )
     scores = areas[:, SUPPORT] - rough.contradiction_weight * areas[:, CONTRADICTION]
-    chosen = np.argsort(-scores, kind="stable")[: rough.kept]
-    settled = [
-        settle(target, source, rotations[c], shifts[c], params.match, params.refine, rough)
-        for c in chosen
-    ]
-    settled = [pose for pose in settled if pose.pairs.shape[0] >= 2]
+    settled = settle_best(target, source, rotations, shifts, scores, params)
     if not settled:
         return RegistrationResult(
             None,
             "failed",
             "no pose lays two planes of one view on planes of the other: the views may not overlap",
         )
-    centre: FloatArray = np.average(
-        source.patches.centroid_mm, axis=0, weights=source.patches.area_mm2
+    result = judge(
+        distinct(settled, middle(source), params.decision), target, source, params.decision
     )
-    result = judge(distinct(settled, centre, params.decision), target, source, params.decision)
     stage_ms = {
         "rotation": 1e3 * (turned - started),
         "translation": 1e3 * (shifted - turned),
         "verification": 1e3 * (perf_counter() - shifted),
     }
     return replace(result, stage_ms=stage_ms)
+
+
+def settle_best(
+    target: View,
+    source: View,
+    rotations: FloatArray,
+    shifts_mm: FloatArray,
+    scores: FloatArray,
+    params: GaussSphereParams,
+) -> list[Settled]:
+    """Settle the candidates by falling score until the rest cannot rival the best."""
+    settled: list[Settled] = []
+    best, centre = 0.0, middle(source)
+    for c in np.argsort(-scores, kind="stable")[: params.verification.kept]:
+        if scores[c] < params.verification.worth_settling * best:
+            break
+        if any(same(pose, rotations[c], shifts_mm[c], centre, params.decision) for pose in settled):
+            continue
+        pose = settle(
+            target,
+            source,
+            rotations[c],
+            shifts_mm[c],
+            params.match,
+            params.refine,
+            params.verification,
+        )
+        if pose.pairs.shape[0] >= 2:
+            settled.append(pose)
+            best = max(best, pose.score)
+    return settled
+
+
+def middle(view: View) -> FloatArray:
+    """(3,) centre in mm of the surface that a view saw, in its own frame."""
+    centre: FloatArray = np.average(view.patches.centroid_mm, axis=0, weights=view.patches.area_mm2)
+    return centre
 
 
 def _no_rotation(target: View, source: View) -> RegistrationResult:

@@ -65,9 +65,10 @@ def view_of(fan: Fan, patches: Patches, params: VerificationParams) -> View:
     nearest = np.empty_like(fan.depth_mm)
     _nearest(fan.depth_mm, nearest)
     profile, pixel = np.nonzero(patches.label >= 0)
-    # Any regular stride would alias with the rows; multiples of the golden ratio do not.
-    order = np.argsort(np.arange(profile.size) * GOLDEN_RATIO % 1.0, kind="stable")
-    chosen = order[: params.samples]
+    n = min(params.samples, profile.size)
+    chosen = np.arange(n) * profile.size // max(n, 1)
+    # In an order whose every stride is spread over the scan, so that a part of them will do.
+    chosen = chosen[np.argsort(np.arange(n) * GOLDEN_RATIO % 1.0, kind="stable")]
     profile, pixel = profile[chosen], pixel[chosen]
     patch = patches.label[profile, pixel]
     points = _feet(fan, patches, profile, pixel, patch)
