@@ -30,13 +30,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit status."""
     options = _parser().parse_args(argv)
     # Everything below imports numpy and more; help and usage errors must not wait for that.
+    from harness.config import load_experiment
     from harness.config_errors import ConfigError
+    from harness.pool import start_server
     from harness.threads import limit_threads
 
     limit_threads()
     try:
         if options.list:
             return _list()
+        if options.config is not None:
+            load_experiment(options.config, options.set, options.seed)
+            if not (options.dry_run or options.trial or options.show_scene):
+                start_server()  # it imports while this process does
+        elif options.show_scene is None:
+            raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     except ConfigError as error:
         return _refuse(error)
     from harness.store import StoreError
@@ -132,13 +140,10 @@ def _run(options: argparse.Namespace) -> int:
     if str(Path.cwd()) not in sys.path:
         sys.path.append(str(Path.cwd()))
     from experiments import commands
-    from harness.config_errors import ConfigError
     from harness.session import open_session
 
     if options.show_scene is not None:
         return commands.show_scene(options.show_scene, options.config, options.out, options.set)
-    if options.config is None:
-        raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     session = open_session(options.config, options.out, options.set, options.seed)
     if options.trial is not None:
         return commands.replay(session, options.trial)

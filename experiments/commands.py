@@ -21,7 +21,8 @@ from experiments.terminal import (
     trial_name,
 )
 from harness.config_errors import ConfigError, nearest
-from harness.runner import Done, process_pool
+from harness.pool import process_pool
+from harness.runner import Done
 from harness.scoring import six_parameters
 from harness.session import Session, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load

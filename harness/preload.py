@@ -5,15 +5,7 @@ The kernels are loaded too, or the first trial of each worker would count that a
 
 from contextlib import suppress
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot
-
-import harness.clouds
-import harness.execution
-import harness.figures
+from harness import clouds, execution, figures  # noqa: F401  # imported to be at hand
 from registration import METHODS, register
 from registration.warm import corner_scan
 

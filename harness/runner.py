@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.pool import MakeExecutor
 from harness.store import Row, Store
-from harness.threads import limit_threads
 from harness.trials import Trial, canonical_json
 
 
@@ -38,9 +36,6 @@ class Done:
     row: Row
     files: tuple[Path, ...] = ()
     drawing_error: str = ""
-
-
-MakeExecutor = Callable[[], Executor]
 
 
 def work(task: Task) -> Done:
@@ -103,25 +98,6 @@ def run(
                 if task.keep:
                     store.add(row, code)
                 yield Done(task, row)
-
-
-def process_pool(workers: int) -> MakeExecutor:
-    """Worker processes that import everything once and are then forked, one thread each.
-
-    Starting the server imports in the background; call early, use late.
-    """
-    limit_threads()
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["harness.preload"])
-    from multiprocessing import forkserver
-
-    forkserver.ensure_running()
-    return lambda: ProcessPoolExecutor(workers, mp_context=context, initializer=_ignore_interrupts)
-
-
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of the terminal; the main one decides what happens."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager

@@ -34,11 +34,13 @@ class MethodChoice(Choice):
     given: for method `thesis`, trials that enter the method with the truth in place of these
         stages, tabulated beside the full pipeline: exact segments, exact patches, exact patches
         cut to what both views see, or the exact rotation with the patches that were found.
+    figures: whether to draw repeat 0 of each pair and write its clouds.
     """
 
     preset: str | None = None
     label: str | None = None
     given: tuple[Truth, ...] = ()
+    figures: bool = True
 
 
 class ScanSize(Strict):

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from harness.config import dump_yaml, load_experiment
+from harness.pool import MakeExecutor
 from harness.provenance import code_fingerprint, run_facts
-from harness.runner import Done, MakeExecutor, Task, run
+from harness.runner import Done, Task, run
 from harness.schema import Experiment
 from harness.store import Store, StoreError, load
 from harness.table_files import Table, write_tables
@@ -61,10 +62,11 @@ def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
     """
     ids = [trial.id for trial in session.trials]
     done = set(ids) if redraw else store.finished(session.code)
+    labels = {m.label or m.name for m in session.experiment.methods if m.figures}
     tasks = []
     for trial in {trial.id: trial for trial in session.trials}.values():
         keep = trial.id not in done
-        drawn = trial.spec.repeat == 0 and not trial.spec.given
+        drawn = trial.spec.repeat == 0 and not trial.spec.given and trial.label in labels
         draw = drawn and (keep or redraw or not store.is_drawn(trial))
         if keep or draw:
             pictures, clouds = session.folder / "figures", session.folder / "scans"

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.runner import Task, process_pool, run
+from harness.pool import process_pool
+from harness.runner import Task, run
 from harness.session import execute, open_session, plan
 from harness.store import Store, load
 
