@@ -9,11 +9,15 @@ from matplotlib.figure import Figure
 from harness.figures_page import (
     AXES,
     FRONT,
+    LEFT_IN,
     MARK,
     SOURCE,
     TARGET,
     TOP,
+    WIDTH_IN,
+    add_axes,
     amount,
+    grouped,
     limits,
     new_figure,
     projections,
@@ -25,6 +29,7 @@ from harness.pair_view import PairView
 from registration.scan import FloatArray, Scan
 
 WINDOW_MM = 110.0  # width of the detail of a profile
+JUMP_MM = 10.0  # in depth between two pixels: another face
 
 
 def draw_measurements(pair: PairView, title: str) -> Figure:
@@ -37,7 +42,9 @@ def draw_measurements(pair: PairView, title: str) -> Figure:
     ]
     points = [scan.points_mm[scan.valid] for scan in scans]
     low, high = limits(points)
-    figure, axes = projections(f"{title}\nRaw measurements, each in its own frame", columns, points)
+    figure, axes = projections(
+        f"{title}\nRaw measurements, each in its own frame", columns, points, bar=True
+    )
     shown = None
     for column, cloud in enumerate(points):
         dots = thinned(cloud)
@@ -51,7 +58,9 @@ def draw_measurements(pair: PairView, title: str) -> Figure:
                 s=1.6, lw=0, cmap="viridis_r", vmin=low[2], vmax=high[2],
             )  # fmt: skip
     if shown is not None:
-        figure.colorbar(shown, ax=axes[0], shrink=0.9, label="Z, depth (mm)", pad=0.01, aspect=25)
+        figure.colorbar(
+            shown, ax=axes[0] + axes[1], shrink=0.6, label="Z, depth (mm)", pad=0.01, aspect=25
+        )
     return figure
 
 
@@ -62,10 +71,17 @@ def draw_filtering(pair: PairView, filtered: tuple[Scan, Scan], title: str) -> F
     """
     pixels = list(zip(roles(pair), filtered, strict=True))
     low, high = limits([scan.points_mm[scan.valid] for (_, _, scan), _ in pixels])
-    height_in = 2 * 4.0 * min((high[0] - low[0]) / (high[1] - low[1]), 1.2) + 2.0
-    figure = new_figure(f"{title}\nBefore and after filtering", max(height_in, 6.0))
-    axes = figure.subplots(2, 2)
-    for (left, right), ((role, view, scan), after) in zip(axes, pixels, strict=True):
+    wide_in = 0.5 * (WIDTH_IN - 2 * LEFT_IN - 0.1)
+    tall_in = float(np.clip(wide_in * (high[0] - low[0]) / (high[1] - low[1]), 1.5, 4.5))
+    figure = new_figure(f"{title}\nBefore and after filtering", 2 * tall_in + 3.0)
+    rows = [
+        [
+            add_axes(figure, left, bottom, wide_in, tall_in)
+            for left in (LEFT_IN, 2 * LEFT_IN + wide_in)
+        ]
+        for bottom in (tall_in + 2.0, 0.95)
+    ]
+    for (left, right), ((role, view, scan), after) in zip(rows, pixels, strict=True):
         lost = scan.valid & ~after.valid
         moved = (after.points_mm - scan.points_mm)[scan.valid & after.valid][:, 2]
         kept = thinned(scan.points_mm[scan.valid & after.valid])
@@ -74,11 +90,8 @@ def draw_filtering(pair: PairView, filtered: tuple[Scan, Scan], title: str) -> F
         left.scatter(gone[:, 1], gone[:, 0], s=14, lw=0.8, c=MARK, marker="x", label="removed")
         to_scale(left, FRONT, low, high)
         left.set_title(
-            f"{role}: {view} view, {amount(int(lost.sum()), 'point')} of "
-            f"{amount(scan.n_valid, 'point').split()[0]} removed"
-        )
-        left.legend(
-            loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, markerscale=2, borderpad=0
+            f"{role}: {view} view\n{amount(int(lost.sum()), 'point')} "
+            f"of {grouped(scan.n_valid)} removed"
         )
         profile = _busiest_profile(scan)
         _draw_detail(right, scan.points_mm[profile], after.points_mm[profile])
@@ -86,6 +99,8 @@ def draw_filtering(pair: PairView, filtered: tuple[Scan, Scan], title: str) -> F
         right.set_title(
             f"{role}: part of profile {profile}\ndepths of the view moved by {rms:.2f} mm rms"
         )
+    marks = rows[0][0].get_legend_handles_labels()
+    figure.legend(*marks, loc="lower left", ncols=2, markerscale=2)
     return figure
 
 
@@ -103,16 +118,17 @@ def _draw_detail(ax: Axes, before_mm: FloatArray, after_mm: FloatArray) -> None:
         ax.text(0.5, 0.5, "no measured point", transform=ax.transAxes, ha="center")
         return
     y, z = before_mm[valid, 1], before_mm[valid, 2]
-    inside = np.abs(y - np.median(y)) <= 0.5 * WINDOW_MM
-    middle_z = float(np.median(z[inside]))
     half = 0.5 * WINDOW_MM
-    kept = np.isfinite(after_mm[:, 2])
+    middle_y = float(np.median(y))
+    middle_z = float(np.median(z[np.abs(y - middle_y) <= half]))
     ax.plot(y, z, "o", ms=3.2, mew=0, color=SOURCE, label="measured")
-    ax.plot(
-        after_mm[kept, 1], after_mm[kept, 2], ".-", ms=2.5, lw=0.9, color=TARGET, label="filtered"
-    )
-    ax.set_xlim(np.median(y) - half, np.median(y) + half)
-    ax.set_ylim(middle_z - 0.6 * half, middle_z + 0.6 * half)
+    line = after_mm[:, 1:].copy()
+    line[1:][np.abs(np.diff(line[:, 1])) > JUMP_MM] = np.nan  # no line from face to face
+    ax.plot(*line.T, ".-", ms=2.5, lw=0.9, color=TARGET, label="filtered")
+    ax.set_xlim(middle_y - half, middle_y + half)
+    frame = ax.get_window_extent()
+    room = half * frame.height / frame.width
+    ax.set_ylim(middle_z - room, middle_z + room)
     ax.set_aspect("equal")
     ax.set_xlabel(AXES[1])
     ax.set_ylabel(AXES[2])

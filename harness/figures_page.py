@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +13,8 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -24,6 +27,9 @@ MARK, GREY, PALE, INK = "#D55E00", "#8C8C8C", "#D9D9D9", "#222222"
 AXES = ("X, motion (mm)", "Y, lateral (mm)", "Z, depth (mm)")
 WIDTH_IN = 9.0  # a page's width at this font size
 DPI = 120
+NOTE_CHARACTERS = 120  # a line of a page's width
+HEAD_IN, LEFT_IN, GAP_IN = 0.95, 0.85, 0.2  # title and column titles; labels; between panels
+TALLEST_IN = 12.0
 MAX_POINTS = 14_000  # a panel; more hide each other and only fill the file
 
 STYLE: Any = {
@@ -41,9 +47,6 @@ STYLE: Any = {
     "ytick.labelsize": 8.0,
     "legend.fontsize": 8.5,
     "legend.frameon": False,
-    "figure.titlesize": 11.0,
-    "figure.constrained_layout.h_pad": 0.06,
-    "figure.constrained_layout.w_pad": 0.06,
 }
 
 
@@ -76,24 +79,40 @@ class Style:
 
 
 def projections(
-    title: str, columns: Sequence[str], points_mm: Sequence[FloatArray], note: str = ""
+    title: str,
+    columns: Sequence[str],
+    points_mm: Sequence[FloatArray],
+    note: str = "",
+    bar: bool = False,
 ) -> tuple[Figure, list[list[Axes]]]:
     """Make a page of front views above top views, all to one scale.
 
     columns: title of each. points_mm: arrays (n, 3) that every panel has to have room for.
-    note: text under the panels. Returns the figure and its axes, [front, top][column].
+    note: text under the panels. bar: leave room for a colour bar.
+    Returns the figure and its axes, [front, top][column].
     """
     low, high = limits(points_mm)
     spans = [high[projection.up] - low[projection.up] for projection in (FRONT, TOP)]
-    panel_in = (WIDTH_IN - 0.9) / len(columns) - 0.25
-    height_in = panel_in * sum(spans) / (high[1] - low[1]) + 1.6 + 0.2 * note.count("\n")
-    figure = new_figure(title, min(height_in, 12.0))
-    axes = figure.subplots(2, len(columns), squeeze=False, height_ratios=spans)
-    for row, projection in enumerate((FRONT, TOP)):
-        for column, ax in enumerate(axes[row]):
+    right_in = 1.05 if bar else 0.2
+    lines = textwrap.wrap(note, NOTE_CHARACTERS)
+    foot_in = 0.55 + 0.16 * len(lines) + (0.1 if lines else 0.0)
+    wide_in = (WIDTH_IN - LEFT_IN - right_in - GAP_IN * (len(columns) - 1)) / len(columns)
+    edges_in = HEAD_IN + foot_in + GAP_IN
+    mm_per_in = max((high[1] - low[1]) / wide_in, sum(spans) / (TALLEST_IN - edges_in))
+    wide_in = (high[1] - low[1]) / mm_per_in
+    tall_in = [span / mm_per_in for span in spans]
+    figure = new_figure(title, edges_in + sum(tall_in), note)
+    axes: list[list[Axes]] = []
+    for projection, tall, bottom in zip(
+        (FRONT, TOP), tall_in, (foot_in + tall_in[1] + GAP_IN, foot_in), strict=True
+    ):
+        axes.append([])
+        for column, name in enumerate(columns):
+            left = LEFT_IN + column * (wide_in + GAP_IN)
+            ax = add_axes(figure, left, bottom, wide_in, tall)
             to_scale(ax, projection, low, high)
-            if row == 0:
-                ax.set_title(columns[column])
+            if projection is FRONT:
+                ax.set_title(name)
                 ax.set_xlabel("")
                 ax.tick_params(labelbottom=False)
             if column > 0:
@@ -101,9 +120,27 @@ def projections(
                 ax.tick_params(labelleft=False)
             else:
                 ax.set_ylabel(f"{projection.name}\n{AXES[projection.up]}")
-    if note:
-        figure.supxlabel(note, fontsize=8.5, color=INK, x=0.02, ha="left")
-    return figure, [list(row) for row in axes]
+            axes[-1].append(ax)
+    return figure, axes
+
+
+def add_bar(figure: Figure, axes: list[list[Axes]], shown: ScalarMappable, label: str) -> Colorbar:
+    """A colour bar beside the lower right panel of a page that was made with room for it."""
+    corner = axes[1][-1].get_position()
+    width_in, height_in = figure.get_size_inches()
+    left = corner.x1 + 0.12 / width_in
+    height = min(corner.height, 3.0 / height_in)
+    place = figure.add_axes((left, corner.y1 - height, 0.12 / width_in, height))
+    return figure.colorbar(shown, cax=place, label=label)
+
+
+def add_axes(
+    figure: Figure, left_in: float, bottom_in: float, wide_in: float, tall_in: float, **kind: Any
+) -> Axes:
+    """Axes at a place of the page given in inches; fixed places draw in half the time."""
+    width, height = figure.get_size_inches()
+    place = (left_in / width, bottom_in / height, wide_in / width, tall_in / height)
+    return figure.add_axes(place, **kind)
 
 
 def to_scale(ax: Axes, projection: Projection, low: FloatArray, high: FloatArray) -> None:
@@ -127,10 +164,13 @@ def limits(points_mm: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     return low - margin, high + margin
 
 
-def new_figure(title: str, height_in: float, width_in: float = WIDTH_IN) -> Figure:
-    """An empty page with a title."""
-    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
-    figure.suptitle(title, x=0.02, ha="left", fontweight="bold")
+def new_figure(title: str, height_in: float, note: str = "") -> Figure:
+    """An empty page with a title, and a note of any length at its foot."""
+    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, facecolor="white")
+    edge = 0.15 / WIDTH_IN
+    figure.text(edge, 1.0 - 0.1 / height_in, title, va="top", size=11.0, weight="bold")
+    lines = "\n".join(textwrap.wrap(note, NOTE_CHARACTERS))
+    figure.text(edge, 0.1 / height_in, lines, va="bottom", size=8.5, color=INK)
     return figure
 
 
@@ -153,7 +193,12 @@ def mixed_order(count: int) -> IntArray:
 def amount(count: int, noun: str) -> str:
     """A number with its noun, thousands apart: "32 365 points", "1 patch"."""
     many = noun + ("es" if noun.endswith("ch") else "s")
-    return f"{count:,} {noun if count == 1 else many}".replace(",", "\N{NO-BREAK SPACE}")
+    return f"{grouped(count)} {noun if count == 1 else many}"
+
+
+def grouped(count: int) -> str:
+    """A whole number with its thousands apart."""
+    return f"{count:,}".replace(",", "\N{NO-BREAK SPACE}")
 
 
 def save(figure: Figure, path: Path) -> Path:
@@ -166,6 +211,6 @@ def save(figure: Figure, path: Path) -> Path:
         255, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
     )
     draft = path.with_name(f"{path.stem}.{os.getpid()}.part")
-    image.save(draft, format="PNG", optimize=True)
+    image.save(draft, format="PNG", compress_level=7)
     draft.replace(path)
     return path

@@ -13,6 +13,7 @@ from harness.figures_page import (
     PALE,
     TOP,
     Projection,
+    add_bar,
     amount,
     projections,
     roles,
@@ -29,6 +30,7 @@ NORMAL_COLOURS = (
     "#999933",
 )  # fmt: skip
 LABEL_DISTANCE_MM = 26.0  # two numbers closer than this would run into each other
+LABEL_ROOM_MM = 11.0  # a patch has to be this wide to hold a number
 
 
 def draw_segments(pair: PairView, segments: tuple[Segments, Segments], title: str) -> Figure:
@@ -39,7 +41,7 @@ def draw_segments(pair: PairView, segments: tuple[Segments, Segments], title: st
         for (role, view, scan), lines in zip(roles(pair), segments, strict=True)
     ]
     figure, axes = projections(
-        f"{title}\nLine segments", columns, [lines.endpoints_mm for lines in segments]
+        f"{title}\nLine segments", columns, [lines.endpoints_mm for lines in segments], bar=True
     )
     drawn = None
     for column, lines in enumerate(segments):
@@ -51,9 +53,8 @@ def draw_segments(pair: PairView, segments: tuple[Segments, Segments], title: st
             )  # fmt: skip
             axes[row][column].add_collection(drawn)
     if drawn is not None:
-        bar = figure.colorbar(drawn, ax=axes[0], shrink=0.9, pad=0.01, aspect=25)
-        bar.set_label("Angle of the normal, from facing the\nsensor towards the right (degrees)")
-        bar.set_ticks([-90, -45, 0, 45, 90])
+        label = "Angle of the normal, from facing the\nsensor towards the right (degrees)"
+        add_bar(figure, axes, drawn, label).set_ticks([-90, -45, 0, 45, 90])
     return figure
 
 
@@ -66,13 +67,13 @@ def draw_patches(
         f"{amount(len(found.sphere), 'normal')}"
         for (role, view, _), found in zip(roles(pair), views, strict=True)
     ]
-    note = "Number: the patch's normal on the Gauss sphere of its view, 1 has the largest area."
-    note += (
-        "\nColour: normals that the method matched have the same one in both views; grey: unmatched"
-        f"{'' if len(matches) <= len(NORMAL_COLOURS) else ', or further down the list'}."
-        if len(matches)
-        else "\nNo normals were matched, so nothing is coloured."
-    ) + "  Dashed: patches between groups of profiles."
+    note = "Number: the patch's normal on the Gauss sphere of its view, 1 has the largest area. "
+    if len(matches):
+        note += "Colour: matched normals have the same one in both views; grey: unmatched"
+        note += ". " if len(matches) <= len(NORMAL_COLOURS) else ", or a match of smaller area. "
+    else:
+        note += "No normals were matched, so nothing is coloured. "
+    note += "Dashed: patches that bridge two groups of profiles."
     figure, axes = projections(
         f"{title}\nPatches", columns, [view.patches.corners_mm for view in views], note
     )
@@ -117,9 +118,11 @@ def _draw_patches(
         ax.add_collection(faces)
     placed = np.zeros((0, 2))
     for m in order:
-        size = np.ptp(outline[m], axis=0)
         at = outline[m].mean(axis=0)
-        if size.min() < 12.0 or (np.linalg.norm(placed - at, axis=1) < LABEL_DISTANCE_MM).any():
+        if (
+            _thickness(outline[m]) < LABEL_ROOM_MM
+            or (np.linalg.norm(placed - at, axis=1) < LABEL_DISTANCE_MM).any()
+        ):
             continue
         placed = np.vstack([placed, at])
         colour = "white" if sum(_rgb(colours[member[m]])) < 1.5 else INK
@@ -132,6 +135,13 @@ def _draw_patches(
             fontsize=8,
             color=colour,
         )
+
+
+def _thickness(outline_mm: FloatArray) -> float:
+    """Area of a polygon (k, 2) over its longest extent."""
+    x, y = (outline_mm - outline_mm.mean(axis=0)).T
+    area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
+    return area / max(float(np.ptp(outline_mm, axis=0).max()), 1e-9)
 
 
 def _rgb(colour: str) -> tuple[float, float, float]:

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
-from harness.figures_page import AXES, GREY, INK, MARK, TARGET, amount, new_figure
+from harness.figures_page import AXES, INK, MARK, TARGET, add_axes, amount, new_figure
 from harness.pair_view import PairView
-from registration.scan import FloatArray
+from registration.scan import BoolArray, FloatArray
 from registration.thesis.translation import Shifts
 
 WIDTHS_MM = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
@@ -21,39 +22,58 @@ def draw_shifts(pair: PairView, shifts: Shifts, title: str) -> Figure:
     """All shifts in 3D with the region of maximum occurrence, and their histogram on each axis."""
     chosen = int(shifts.chosen.sum())
     figure = new_figure(
-        f"{title}\nShifts between the centroids of patches of like orientation", 5.4
+        f"{title}\nShifts between the centroids of patches of like orientation", 6.6
     )
-    grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
-    space = figure.add_subplot(grid[:, 0], projection="3d")
     exact = np.asarray(pair.T_target_source_exact.translation)
     estimate = pair.result.T_target_source
     found = None if estimate is None else np.asarray(estimate.translation)
-    _draw_space(space, shifts, exact, found)
-    space.set_title(
-        f"{amount(len(shifts.weights), 'shift')}, {chosen} in the region of maximum occurrence"
-    )
+    whole: Any = add_axes(figure, 0.1, 3.45, 3.7, 2.6, projection="3d")
+    _draw_space(whole, shifts, exact, found)
+    whole.set_title(f"{amount(len(shifts.weights), 'shift')}, {chosen} in the densest region")
+    if np.isfinite(shifts.box_mm).all():
+        middle = shifts.box_mm.mean(axis=0)
+        half_mm = max(1.5 * float(np.ptp(shifts.box_mm, axis=0).max()), 30.0)
+        near: Any = add_axes(figure, 0.1, 0.35, 3.7, 2.6, projection="3d")
+        shown = (np.abs(shifts.values_mm - middle) <= half_mm).all(axis=1)
+        _draw_space(near, shifts, exact, found, shown)
+        for bounds, centre in zip(
+            (near.set_xlim, near.set_ylim, near.set_zlim), middle, strict=True
+        ):
+            bounds(centre - half_mm, centre + half_mm)
+        near.set_title(f"the region (box) and {int(shown.sum()) - chosen} shifts around it")
+    figure.legend(*whole.get_legend_handles_labels(), loc="lower left", ncols=4)
     for axis in range(3):
-        ax = figure.add_subplot(grid[axis, 1])
+        ax = add_axes(figure, 4.7, 0.65 + 1.95 * (2 - axis), 4.1, 1.35)
         _draw_histogram(ax, shifts, axis, exact, found)
     return figure
 
 
-def _draw_space(ax: Any, shifts: Shifts, exact: FloatArray, found: FloatArray | None) -> None:
-    """The 3D axes carry no types."""
-    for mask, colour, size, alpha, name in (
-        (~shifts.chosen, GREY, 5.0, 0.45, "shift"),
-        (shifts.chosen, MARK, 12.0, 0.9, "shift in the region"),
+def _draw_space(
+    ax: Any,
+    shifts: Shifts,
+    exact: FloatArray,
+    found: FloatArray | None,
+    shown: BoolArray | None = None,
+) -> None:
+    """Shifts in 3D (those shown), the region and the translations; 3D axes carry no types."""
+    visible = np.ones(len(shifts.weights), dtype=bool) if shown is None else shown
+    for mask, colour, size, name in (
+        (~shifts.chosen, "#9AA5AE", 7.0, "shift"),
+        (shifts.chosen, MARK, 12.0, "shift in the region"),
     ):
-        ax.scatter(*shifts.values_mm[mask].T, s=size, lw=0, color=colour, alpha=alpha, label=name)
+        dots = shifts.values_mm[mask & visible]
+        ax.scatter(*dots.T, s=size, lw=0, color=colour, depthshade=False, label=name)
     if np.isfinite(shifts.box_mm).all():
         for edge in _box_edges(shifts.box_mm):
             ax.plot(*edge.T, color=MARK, lw=1.0)
-    ax.scatter(*exact, marker="x", s=55, color=INK, lw=1.5, label="exact translation")
+    ax.scatter(*exact, marker="x", s=45, color=INK, lw=1.4, label="exact translation")
     if found is not None:
-        ax.scatter(*found, marker="+", s=70, color=TARGET, lw=1.8, label="estimate")
-    ax.set(xlabel=f"Shift along {AXES[0]}", ylabel=f"Shift along {AXES[1]}", zlabel=AXES[2])
+        ax.scatter(*found, marker="+", s=60, color=TARGET, lw=1.6, label="estimate")
+    ax.set(xlabel="X (mm)", ylabel="Y (mm)", zlabel="Z (mm)")
     ax.set_aspect("equal", adjustable="datalim")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=2)
+    ax.set_box_aspect(None, zoom=1.05)
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.set_major_locator(MaxNLocator(4))
 
 
 def _draw_histogram(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from scipy.spatial.transform import Rotation
 
-from harness.figures_page import GREY, INK, PALE, SOURCE, TARGET, amount, new_figure
+from harness.figures_page import GREY, INK, PALE, SOURCE, TARGET, add_axes, amount, new_figure
 from harness.figures_planes import normal_colours
 from harness.pair_view import PairView
 from registration.scan import FloatArray, IntArray
@@ -15,40 +16,42 @@ from registration.thesis.gauss_sphere import GaussSphere
 
 LARGEST_PT2 = 420.0  # area of the marker of the heaviest normal of both views
 NUMBERED = 12  # normals a view that get their number, heaviest first
-NUMBER_DISTANCE = 0.085  # of the sphere's radius, between two numbers
+POINTS_PER_RADIUS = 75.0  # of the sphere on the page
+NUMBER_DISTANCE = 0.13  # of the sphere's radius, between two numbers
 
 
 def draw_gauss_spheres(
     pair: PairView, spheres: tuple[GaussSphere, GaussSphere], matches: IntArray, title: str
 ) -> Figure:
     """Both spheres seen from the sensor, and the source's turned onto the target's."""
-    figure = new_figure(f"{title}\nModified Gauss spheres, seen from the sensor", 4.4)
-    axes = figure.subplots(1, 3)
+    note = (
+        "Area of a marker: area of the patches with this normal. Number: its rank, up to "
+        f"{NUMBERED}. Colour: as in the figure of the patches. The centre faces the sensor, the "
+        "rim is seen edge-on; circles 30, 60 and 90 degrees from the centre. On the right, pale: "
+        "turned away from the target's sensor."
+    )
+    figure = new_figure(f"{title}\nModified Gauss spheres, seen from the sensor", 4.9, note)
+    side_in = 2.45
+    axes = [add_axes(figure, left, 1.35, side_in, side_in) for left in (0.6, 3.5, 6.4)]
     heaviest = max([float(s.weight[0]) for s in spheres if len(s)], default=1.0)
     names = (("Target", pair.target_view, "o"), ("Source", pair.source_view, "D"))
     for column, ((role, view, marker), sphere) in enumerate(zip(names, spheres, strict=True)):
         ax = axes[column]
         _draw_globe(ax)
-        size = LARGEST_PT2 * sphere.weight / heaviest
+        size = np.maximum(LARGEST_PT2 * sphere.weight / heaviest, 8.0)
         colours = normal_colours(len(sphere), matches[:, column])
         ax.scatter(
-            sphere.direction[:, 1], sphere.direction[:, 0], s=np.maximum(size, 8.0), c=colours,
+            sphere.direction[:, 1], sphere.direction[:, 0], s=size, c=colours,
             marker=marker, edgecolors=INK, lw=0.6, alpha=0.85, zorder=3,
         )  # fmt: skip
-        _number(ax, sphere)
+        _number(ax, sphere, size)
         area = 1e-2 * float(sphere.weight.sum())
         ax.set_title(f"{role}: {view} view\n{amount(len(sphere), 'normal')}, {area:.0f} cm²")
     pose = pair.result.T_target_source
     by = "estimated" if pose is not None else "exact"
     turn = (pair.T_target_source_exact if pose is None else pose).rotation
     _draw_turned(axes[2], spheres, turn, heaviest)
-    axes[2].set_title(f"Source turned by the {by} rotation\n{amount(len(matches), 'match')}")
-    figure.supxlabel(
-        "Marker area: area of the patches with this normal; number: its rank, the heaviest twelve. "
-        "Colour: as in the patches' figure.\nThe centre faces the sensor, the rim is seen edge-on; "
-        "circles every 30 degrees. Faint: turned away from the target's sensor.",
-        fontsize=8.5, color=INK, x=0.02, ha="left",
-    )  # fmt: skip
+    axes[2].set_title(f"Source turned by {by} rotation\n{amount(len(matches), 'match')}")
     return figure
 
 
@@ -60,15 +63,17 @@ def _draw_turned(
     turned = turn.apply(source.direction) if len(source) else np.zeros((0, 3))
     for direction, weight, marker, colour, role in (
         (target.direction, target.weight, "o", TARGET, "target"),
-        (turned, source.weight, "D", SOURCE, "source"),
+        (turned, source.weight, "D", SOURCE, "source, turned"),
     ):
-        ax.scatter(
-            direction[:, 1], direction[:, 0], s=np.maximum(LARGEST_PT2 * weight / heaviest, 8.0),
-            marker=marker, facecolors="none" if role == "source" else f"{colour}55",
-            edgecolors=colour, lw=1.3, alpha=None, zorder=3,
-        )  # fmt: skip
+        size = np.maximum(LARGEST_PT2 * weight / heaviest, 8.0)
+        away = direction[:, 2] > 0.0
+        for shown, alpha in ((~away, 1.0), (away, 0.35)):
+            ax.scatter(
+                direction[shown, 1], direction[shown, 0], s=size[shown], marker=marker,
+                facecolors="none", edgecolors=colour, lw=1.2, alpha=alpha, zorder=3,
+            )  # fmt: skip
         ax.scatter([], [], s=40, marker=marker, facecolors="none", edgecolors=colour, label=role)
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, columnspacing=1.0)
 
 
 def _draw_globe(ax: Axes) -> None:
@@ -86,26 +91,16 @@ def _draw_globe(ax: Axes) -> None:
     ax.grid(visible=False)
 
 
-def _number(ax: Axes, sphere: GaussSphere) -> None:
+def _number(ax: Axes, sphere: GaussSphere, size_pt2: FloatArray) -> None:
+    """Write the rank beside each marker, away from the centre, where there is more room."""
     placed = np.zeros((0, 2))
-    for rank, (x, y) in enumerate(sphere.direction[:NUMBERED, :2]):
-        # Beside the marker, away from the centre, where there is more room.
-        length = max(float(np.hypot(x, y)), 1e-9)
-        at = _beside(np.array([y, x]), np.array([y, x]) / length)
+    for rank, tip in enumerate(sphere.direction[:NUMBERED, [1, 0]]):
+        radius = float(np.sqrt(size_pt2[rank] / np.pi)) / POINTS_PER_RADIUS
+        outward = tip / max(float(np.linalg.norm(tip)), 1e-9)
+        at = tip + (radius + 0.06) * outward
         if (np.linalg.norm(placed - at, axis=1) < NUMBER_DISTANCE).any():
             continue
         placed = np.vstack([placed, at])
-        ax.text(
-            float(at[0]),
-            float(at[1]),
-            str(rank + 1),
-            ha="center",
-            va="center",
-            fontsize=8,
-            color=INK,
-            zorder=4,
-        )
-
-
-def _beside(tip: FloatArray, outward: FloatArray) -> FloatArray:
-    return tip + 0.13 * outward
+        text = ax.text(float(at[0]), float(at[1]), str(rank + 1), ha="center", va="center", size=8)
+        text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+        text.set_zorder(5)

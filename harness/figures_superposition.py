@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -56,7 +54,14 @@ def draw_superposition(pair: PairView, title: str) -> Figure:
         ("source", pair.source_view, SOURCE),
     ):
         axes[0][0].scatter([], [], s=24, lw=0, c=colour, label=f"{name}: {view} view")
-    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    # On the second line of the title, which is short, whatever the names in the first are.
+    figure.legend(
+        *axes[0][0].get_legend_handles_labels(),
+        loc="upper right",
+        bbox_to_anchor=(1.0, 1.0 - 0.17 / figure.get_figheight()),
+        ncols=2,
+        borderaxespad=0.2,
+    )
     return figure
 
 
@@ -83,4 +88,5 @@ def _note(pair: PairView) -> str:
     text = f"The target view sees {pair.overlap:.0%} of the source's points."
     if pair.result.status == "ok":
         return text
-    return "\n".join(textwrap.wrap(f"{text} {pair.result.status}: {pair.result.reason}.", 120))
+    status = pair.result.status
+    return f"{text} {status[0].upper()}{status[1:]}: {pair.result.reason}."
