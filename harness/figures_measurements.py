@@ -16,6 +16,7 @@ from harness.figures_page import (
     TOP,
     WIDTH_IN,
     add_axes,
+    add_bar,
     amount,
     grouped,
     limits,
@@ -58,9 +59,7 @@ def draw_measurements(pair: PairView, title: str) -> Figure:
                 s=1.6, lw=0, cmap="viridis_r", vmin=low[2], vmax=high[2],
             )  # fmt: skip
     if shown is not None:
-        figure.colorbar(
-            shown, ax=axes[0] + axes[1], shrink=0.6, label="Z, depth (mm)", pad=0.01, aspect=25
-        )
+        add_bar(figure, axes, shown, AXES[2])
     return figure
 
 

@@ -27,13 +27,13 @@ def draw_shifts(pair: PairView, shifts: Shifts, title: str) -> Figure:
     exact = np.asarray(pair.T_target_source_exact.translation)
     estimate = pair.result.T_target_source
     found = None if estimate is None else np.asarray(estimate.translation)
-    whole: Any = add_axes(figure, 0.1, 3.45, 3.7, 2.6, projection="3d")
+    whole: Any = add_axes(figure, 0.1, 3.4, 3.7, 2.3, projection="3d")
     _draw_space(whole, shifts, exact, found)
     whole.set_title(f"{amount(len(shifts.weights), 'shift')}, {chosen} in the densest region")
     if np.isfinite(shifts.box_mm).all():
         middle = shifts.box_mm.mean(axis=0)
         half_mm = max(1.5 * float(np.ptp(shifts.box_mm, axis=0).max()), 30.0)
-        near: Any = add_axes(figure, 0.1, 0.35, 3.7, 2.6, projection="3d")
+        near: Any = add_axes(figure, 0.1, 0.65, 3.7, 2.3, projection="3d")
         shown = (np.abs(shifts.values_mm - middle) <= half_mm).all(axis=1)
         _draw_space(near, shifts, exact, found, shown)
         for bounds, centre in zip(
@@ -71,7 +71,7 @@ def _draw_space(
         ax.scatter(*found, marker="+", s=60, color=TARGET, lw=1.6, label="estimate")
     ax.set(xlabel="X (mm)", ylabel="Y (mm)", zlabel="Z (mm)")
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_box_aspect(None, zoom=1.05)
+    ax.set_box_aspect(None, zoom=1.0)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_major_locator(MaxNLocator(4))
 
@@ -91,6 +91,7 @@ def _draw_histogram(
     if found is not None:
         ax.axvline(found[axis], color=TARGET, lw=1.2, label="estimate")
     ax.set(xlabel=f"Shift along {AXES[axis]}", ylabel=f"shifts per {width:g} mm")
+    ax.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     if axis == 0:
         ax.legend(loc="best", fontsize=7.5)
 
