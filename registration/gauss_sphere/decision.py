@@ -7,6 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import DecisionParams
+from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View
 from registration.result import Candidate, RegistrationResult
 from registration.scan import FloatArray
@@ -132,6 +133,17 @@ def uncertainty(
         + "; ".join(names)
     )
     return None, directions, reason
+
+
+def sliding(patches: Patches) -> FloatArray:
+    """(3, 6) what parallel planes leave open: a turn about their normal, shifts along them."""
+    normal, centre = patches.normal[0], patches.centroid_mm[0]
+    directions = np.zeros((3, 6))
+    directions[0, :3] = normal
+    directions[0, 3:] = -np.cross(normal, centre)  # the turn is about the plane's middle
+    directions[1:, 3:] = patches.basis[0]
+    rows: FloatArray = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return rows
 
 
 def _describe(vector: FloatArray, value: float, scale: FloatArray) -> str:

@@ -74,8 +74,8 @@ class RefineParams:
 
     rounds: int = 10
     tail: float = 25.0
-    tilt_floor_rad: float = 1e-4
-    offset_floor_mm: float = 0.02
+    tilt_floor_rad: float = 2e-5
+    offset_floor_mm: float = 0.005
 
 
 @dataclass(frozen=True)

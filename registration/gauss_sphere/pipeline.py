@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from registration.gauss_sphere.beams import fan_of
-from registration.gauss_sphere.decision import distinct, judge, same
+from registration.gauss_sphere.decision import distinct, judge, same, sliding
 from registration.gauss_sphere.growing import find_patches
 from registration.gauss_sphere.matching import Settled, settle
 from registration.gauss_sphere.params import GaussSphereParams
@@ -18,6 +18,8 @@ from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View, rank, view_of
 from registration.result import RegistrationResult
 from registration.scan import FloatArray, Scan
+
+ONE_DIRECTION_RAD = 0.1
 
 
 def register_scans(target: Scan, source: Scan, params: GaussSphereParams) -> RegistrationResult:
@@ -124,10 +126,24 @@ def middle(view: View) -> FloatArray:
 
 
 def _no_rotation(target: View, source: View) -> RegistrationResult:
-    counts = [view.patches.n_points.size for view in (target, source)]
+    one_way = [view for view in (target, source) if _one_direction(view)]
+    if one_way:
+        return RegistrationResult(
+            None,
+            "underdetermined",
+            f"the {'target' if one_way[0] is target else 'source'} scan shows planes of one "
+            f"direction only ({one_way[0].patches.n_points.size} found): a turn about their normal "
+            "and shifts along them stay open; a second plane at an angle is needed",
+            undetermined=sliding(target.patches) if _one_direction(target) else np.zeros((0, 6)),
+        )
     return RegistrationResult(
         None,
-        "underdetermined",
-        f"two planes at an angle that both views show are needed; found {counts[0]} planes in the "
-        f"target and {counts[1]} in the source, of which no two subtend the same angle",
+        "failed",
+        "no two planes of one view subtend the angle of two planes of the other: the views may "
+        "not overlap",
     )
+
+
+def _one_direction(view: View) -> bool:
+    across = np.cross(view.patches.normal, view.patches.normal[0])
+    return bool((np.linalg.norm(across, axis=1) < ONE_DIRECTION_RAD).all())

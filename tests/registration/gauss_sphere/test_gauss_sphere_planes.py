@@ -1,0 +1,105 @@
+"""From the beams to planes: noise, apex, segments, patches and their covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plane_scans import APEX_BEHIND_MM, plates_from, random_clutter, scan_plates
+
+from registration import Scan
+from registration.gauss_sphere.beams import depth_noise, estimate_apex, fan_of
+from registration.gauss_sphere.growing import find_patches
+from registration.gauss_sphere.params import PatchParams, SegmentParams
+from registration.gauss_sphere.segments import find_segments
+
+
+def plates(*normals: tuple[float, float, float], half_mm: float = 60.0):
+    n = np.array(normals) / np.linalg.norm(normals, axis=1, keepdims=True)
+    y = np.linspace(-110.0, 110.0, len(n)) if len(n) > 1 else np.zeros(1)
+    centres = np.stack([np.full(len(n), 120.0), y, np.full(len(n), 800.0)], axis=1)
+    return plates_from(n, centres, np.full((len(n), 2), half_mm))
+
+
+def patches_of(scan: Scan):
+    fan = fan_of(scan)
+    return find_patches(fan, find_segments(fan, SegmentParams()), PatchParams())
+
+
+def test_the_apex_is_found_where_the_beams_meet() -> None:
+    rng = np.random.default_rng(0)
+    scan = scan_plates(random_clutter(rng), noise=1.0, rng=rng)
+    np.testing.assert_allclose(estimate_apex(scan), [0.0, 0.0, -APEX_BEHIND_MM], atol=1e-6)
+
+
+def test_a_scan_without_relief_gets_nearly_parallel_beams() -> None:
+    scan = scan_plates(plates((0.0, 0.0, -1.0), half_mm=300.0))
+    assert estimate_apex(scan)[2] < -1e4
+
+
+@pytest.mark.parametrize("noise", [0.3, 1.0, 2.0])
+def test_the_noise_is_estimated_from_the_scan_alone(noise: float) -> None:
+    rng = np.random.default_rng(1)
+    scan = scan_plates(random_clutter(rng), noise=noise, rng=rng)
+    fan = fan_of(scan)
+    constant, square = depth_noise(fan.depth_mm, fan.slope)
+    for depth_mm in (850.0, 1000.0, 1150.0):
+        true_mm = noise * (0.3 + (depth_mm - 230.0) * (1.2 / 1005.0))
+        assert constant + square * depth_mm**2 == pytest.approx(true_mm, rel=0.08)
+
+
+def test_a_crease_without_noise_is_cut_at_its_pixel() -> None:
+    y = np.linspace(-100.0, 100.0, 201)
+    z = 700.0 + 0.4 * np.abs(y - 20.0)
+    points = np.stack([np.zeros_like(y), y, z], axis=1)[None]
+    segments = find_segments(
+        fan_of(Scan.from_points(points, step_mm=5.0, apex_mm=[0, 0, -60])), SegmentParams()
+    )
+    assert segments.profile.size == 2
+    assert abs(segments.last[0] - 120) <= 1
+    assert segments.first[1] == segments.last[0] + 1
+
+
+def test_a_noisy_plane_is_rarely_split() -> None:
+    rng = np.random.default_rng(2)
+    scan = scan_plates(plates((0.1, 0.3, -1.0), half_mm=300.0), 200, noise=1.0, rng=rng)
+    segments = find_segments(fan_of(scan), SegmentParams())
+    assert segments.profile.size <= 200 * 1.03
+
+
+def test_a_noise_free_plane_is_found_exactly() -> None:
+    made = plates((0.2, 0.1, -1.0), (-0.3, 0.3, -1.0), (0.1, -0.5, -1.0))
+    found = patches_of(scan_plates(made))
+    assert found.n_points.size == 3
+    for normal, offset in zip(found.normal, found.offset_mm, strict=True):
+        nearest = np.argmin(np.linalg.norm(made.axes[:, 2] - normal, axis=1))
+        np.testing.assert_allclose(normal, made.axes[nearest, 2], atol=1e-9)
+        assert offset == pytest.approx(made.axes[nearest, 2] @ made.centre_mm[nearest], abs=1e-6)
+
+
+@pytest.mark.parametrize("normal", [(0.1, 0.2, -1.0), (0.9, 0.6, -0.5)])
+def test_the_covariance_of_a_plane_is_what_its_errors_are(normal) -> None:
+    # A slanted plane too: least squares of the distances would be biased there by a sigma.
+    rng = np.random.default_rng(3)
+    made = plates(normal)
+    true_normal, true_offset = made.axes[0, 2], made.axes[0, 2] @ made.centre_mm[0]
+    errors, distances = [], []
+    for _ in range(120):
+        found = patches_of(scan_plates(made, 50, noise=1.0, rng=rng))
+        if true_normal @ found.normal[0] < 0.0:
+            true_normal, true_offset = -true_normal, -true_offset
+        error = np.append(
+            found.basis[0] @ true_normal, true_offset - true_normal @ found.centroid_mm[0]
+        )
+        errors.append(error / np.sqrt(np.diag(found.covariance[0])))
+        distances.append(error @ np.linalg.solve(found.covariance[0], error))
+    # Mean of 120 chi-square values of 3 degrees of freedom: 3 +- 0.22 (one sigma).
+    assert 2.2 < np.mean(distances) < 4.0
+    assert np.abs(np.mean(errors, axis=0)).max() < 0.4
+
+
+def test_far_planes_of_like_orientation_stay_apart() -> None:
+    n = np.array([[0.1, 0.1, -1.0]] * 2) / np.linalg.norm([0.1, 0.1, -1.0])
+    made = plates_from(
+        n, np.array([[120.0, -60.0, 700.0], [120.0, 60.0, 800.0]]), np.full((2, 2), 50.0)
+    )
+    assert patches_of(scan_plates(made)).n_points.size == 2
