@@ -15,12 +15,27 @@ import pandas as pd
 import pytest
 
 from experiments.cli import main
+from harness.config import load_experiment
 from harness.store import load
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))
 DESK = ROOT / "configs" / "desk.yaml"
 SMALL = ["--set", "scan.profiles=24", "--set", "repeats=1"]
+PLAIN = ["--set", "methods=[{name: thesis, figures: false}]"]
+ONE_PAIR = """\
+title: Plates seen twice
+scene: {name: separated_planes}
+sensor: {name: jupiter}
+scan: {profiles: 40, step_mm: 5.0}
+views:
+  left: {aim_mm: [0, 0, 0], distance_mm: 700, yaw_deg: -8}
+  right: {aim_mm: [0, 0, 0], distance_mm: 700, yaw_deg: 8}
+pairs:
+  plates: {source: left, target: right}
+methods:
+  - {name: thesis}
+"""
 
 
 def rows_of(folder: Path) -> list[tuple[object, ...]]:
@@ -36,7 +51,10 @@ def test_every_config_runs_and_its_results_are_whole(
     file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert main([str(file), "--out", str(out), *SMALL]) == 0
+    undrawn = [f"methods.{i}.figures=false" for i in range(len(load_experiment(file).methods))]
+    options = [str(file), "--out", str(out), *SMALL]
+    options += [argument for override in undrawn for argument in ("--set", override)]
+    assert main(options) == 0
     shown = capsys.readouterr().out
     rows = load(out)
     assert not (rows["status"] == "error").any()
@@ -52,7 +70,7 @@ def test_every_config_runs_and_its_results_are_whole(
     assert "Written:" in shown
 
     before = rows_of(out)
-    assert main([str(file), "--out", str(out), *SMALL]) == 0
+    assert main(options) == 0
     assert f"0 trials computed, {len(rows)} reused" in capsys.readouterr().out
     assert rows_of(out) == before
 
@@ -61,7 +79,8 @@ def test_rows_do_not_depend_on_the_workers(tmp_path: Path) -> None:
     for workers in ("1", "2"):
         folder = tmp_path / workers
         options = ["--out", str(folder), "--workers", workers, "--set", "scan.profiles=40"]
-        assert main([str(DESK), "--set", "repeats=2", *options]) == 0
+        given = "methods=[{name: thesis, given: [patches, rotation], figures: false}]"
+        assert main([str(DESK), "--set", "repeats=2", "--set", given, *options]) == 0
     one, two = (rows_of(tmp_path / workers) for workers in ("1", "2"))
     assert len(one) > 8
     assert one == two
@@ -69,8 +88,7 @@ def test_rows_do_not_depend_on_the_workers(tmp_path: Path) -> None:
 
 def test_a_row_is_replayed_by_its_id(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    options = [str(DESK), "--out", str(out), "--set", "methods=[{name: thesis}]"]
-    options += ["--set", "repeats=1"]
+    options = [str(DESK), "--out", str(out), *PLAIN, "--set", "repeats=1"]
     assert main(options) == 0
     for row in load(out).to_dict("records"):
         capsys.readouterr()
@@ -86,7 +104,7 @@ def test_a_row_is_replayed_by_its_id(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_another_seed_gives_other_scans(tmp_path: Path) -> None:
     for seed in ("0", "1"):
         options = ["--out", str(tmp_path / seed), "--seed", seed]
-        assert main([str(DESK), "--set", "methods=[{name: thesis}]", *options, *SMALL]) == 0
+        assert main([str(DESK), *PLAIN, *options, *SMALL]) == 0
     first, second = (load(tmp_path / seed) for seed in ("0", "1"))
     assert set(first["id"]).isdisjoint(second["id"])
     np.testing.assert_allclose(first["exact_x_mm"], second["exact_x_mm"])
@@ -95,7 +113,9 @@ def test_another_seed_gives_other_scans(tmp_path: Path) -> None:
 
 def test_report_only_builds_the_files_again(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    options = [str(DESK), "--out", str(out), "--set", "methods=[{name: thesis}]", *SMALL]
+    file = tmp_path / "one_pair.yaml"
+    file.write_text(ONE_PAIR, encoding="utf-8")
+    options = [str(file), "--out", str(out)]
     assert main(options) == 0
     rows = rows_of(out)
 
@@ -120,7 +140,7 @@ def test_an_interrupted_run_keeps_its_rows_and_goes_on(tmp_path: Path) -> None:
     out = tmp_path / "out"
     command = [
         sys.executable, "-m", "experiments.cli", str(DESK), "--out", str(out), "--workers", "1",
-        "--set", "repeats=400", "--set", "methods=[{name: thesis}]", "--set", "scan.profiles=24",
+        "--set", "repeats=400", *PLAIN, "--set", "scan.profiles=24",
     ]  # fmt: skip
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
@@ -154,7 +174,7 @@ def test_views_that_share_nothing_are_told_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    options = ["--set", "rotation_labels=printed", "--set", "repeats=1"]
+    options = ["--set", "rotation_labels=printed", "--set", "repeats=1", *PLAIN]
     assert main([str(DESK), "--out", str(out), *options]) == 0
     lines = capsys.readouterr().out.splitlines()
     (line,) = [line for line in lines if line.startswith("Pair 6.5 was not registered")]
