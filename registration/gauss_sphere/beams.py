@@ -125,38 +125,50 @@ def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:
     sigma = a + b depth^2, both not negative. Returns (a in mm, b in 1/mm).
     """
     stride = max(1, depth_mm.shape[0] // NOISE_PROFILES)
-    depth, slope = depth_mm[stride // 2 :: stride], slope[stride // 2 :: stride]
-    inverse = 1.0 / depth
-    s0, s1, s2 = slope[:, :-2], slope[:, 1:-1], slope[:, 2:]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = (s1 - s0) / (s2 - s0)
-        deviation = inverse[:, 1:-1] - (1.0 - share) * inverse[:, :-2] - share * inverse[:, 2:]
-        deviation /= np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
-        known = np.isfinite(deviation) & (share > 0.2) & (share < 0.8)
-    if np.count_nonzero(known) < MIN_TRIPLES_PER_BIN:
-        return MIN_SIGMA_MM, 0.0
-    middle = depth[:, 1:-1][known]
-    error_mm = np.abs(deviation[known]) * middle**2
-    order = np.argsort(middle, kind="stable")
-    bins = min(DEPTH_BINS, order.size // MIN_TRIPLES_PER_BIN)
-    depths, sigmas = [], []
-    for chosen in np.array_split(order, bins):
-        depths.append(float(middle[chosen].mean()))
-        sigmas.append(_clipped_spread(error_mm[chosen]))
-    return _growing_noise(np.array(depths), np.array(sigmas))
+    depths, sigmas = _noise_by_depth(depth_mm[stride // 2 :: stride], slope[stride // 2 :: stride])
+    return _growing_noise(depths, sigmas) if depths.size else (MIN_SIGMA_MM, 0.0)
 
 
+@compiled
+def _noise_by_depth(depth: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean depth and spread of the second differences in bins of depth, equally filled."""
+    middle, error = np.empty(depth.size), np.empty(depth.size)
+    n = 0
+    for p in range(depth.shape[0]):
+        for u in range(1, depth.shape[1] - 1):
+            a, b, c = depth[p, u - 1], depth[p, u], depth[p, u + 1]
+            if not np.isfinite(a + b + c):
+                continue
+            span = slope[p, u + 1] - slope[p, u - 1]
+            share = (slope[p, u] - slope[p, u - 1]) / span if span != 0.0 else 0.0
+            if 0.2 < share < 0.8:
+                off = 1.0 / b - (1.0 - share) / a - share / c
+                size = np.sqrt(1.0 + share * share + (1.0 - share) * (1.0 - share))
+                middle[n], error[n] = b, abs(off) * b * b / size
+                n += 1
+    bins = min(DEPTH_BINS, n // MIN_TRIPLES_PER_BIN)
+    depths, sigmas = np.empty(bins), np.empty(bins)
+    order = np.argsort(middle[:n])
+    for i in range(bins):
+        chosen = order[i * n // bins : (i + 1) * n // bins]
+        depths[i] = middle[chosen].mean()
+        sigmas[i] = _clipped_spread(error[chosen])
+    return depths, sigmas
+
+
+@compiled
 def _clipped_spread(error: FloatArray) -> float:
     # Creases and edges make a heavy tail; three rounds of clipping leave the noise. The factor
     # undoes what clipping a normal distribution at three sigma removes.
-    limit = 3.0 * 1.4826 * float(np.median(error))
-    spread = limit / 3.0
+    spread = 1.4826 * float(np.median(error))
     for _ in range(3):
-        kept = error[error <= limit]
-        if kept.size == 0 or limit == 0.0:
-            break
-        spread = float(np.sqrt(np.mean(kept**2))) * 1.0135
-        limit = 3.0 * spread
+        total, n = 0.0, 0
+        for e in error:
+            if e <= 3.0 * spread:
+                total += e * e
+                n += 1
+        if n > 0:
+            spread = float(np.sqrt(total / n)) * 1.0135
     return max(spread, MIN_SIGMA_MM)
 
 
