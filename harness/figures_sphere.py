@@ -31,8 +31,8 @@ def draw_gauss_spheres(
         "turned away from the target's sensor."
     )
     figure = new_figure(f"{title}\nModified Gauss spheres, seen from the sensor", 4.9, note)
-    side_in = 2.45
-    axes = [add_axes(figure, left, 1.35, side_in, side_in) for left in (0.6, 3.5, 6.4)]
+    side_in = 2.4
+    axes = [add_axes(figure, left, 1.35, side_in, side_in) for left in (0.6, 3.55, 6.5)]
     heaviest = max([float(s.weight[0]) for s in spheres if len(s)], default=1.0)
     names = (("Target", pair.target_view, "o"), ("Source", pair.source_view, "D"))
     for column, ((role, view, marker), sphere) in enumerate(zip(names, spheres, strict=True)):
