@@ -64,7 +64,7 @@ def _draw_space(
         dots = shifts.values_mm[mask & visible]
         ax.scatter(*dots.T, s=size, lw=0, color=colour, depthshade=False, label=name)
     if np.isfinite(shifts.box_mm).all():
-        for edge in _box_edges(shifts.box_mm):
+        for edge in box_edges(shifts.box_mm):
             ax.plot(*edge.T, color=MARK, lw=1.0)
     ax.scatter(*exact, marker="x", s=45, color=INK, lw=1.4, label="exact translation")
     if found is not None:
@@ -96,7 +96,8 @@ def _draw_histogram(
         ax.legend(loc="best", fontsize=7.5)
 
 
-def _box_edges(box_mm: FloatArray) -> list[FloatArray]:
+def box_edges(box_mm: FloatArray) -> list[FloatArray]:
+    """The twelve edges (2, 3) of a box given by its (2, 3) lower and upper corner."""
     corners = [
         np.array([box_mm[i, 0], box_mm[j, 1], box_mm[k, 2]])
         for i, j, k in product((0, 1), repeat=3)
