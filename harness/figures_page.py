@@ -30,7 +30,7 @@ DPI = 120
 NOTE_CHARACTERS = 120  # a line of a page's width
 HEAD_IN, LEFT_IN, GAP_IN = 0.95, 0.85, 0.2  # title and column titles; labels; between panels
 TALLEST_IN = 12.0
-MAX_POINTS = 14_000  # a panel; more hide each other and only fill the file
+MAX_POINTS = 10_000  # a panel; more hide each other and only fill the file
 
 STYLE: Any = {
     "font.family": "DejaVu Sans",

@@ -73,7 +73,8 @@ def draw_patches(
         note += ". " if len(matches) <= len(NORMAL_COLOURS) else ", or a match of smaller area. "
     else:
         note += "No normals were matched, so nothing is coloured. "
-    note += "Dashed: patches that bridge two groups of profiles."
+    if any(view.patches.intermediate.any() for view in views):
+        note += "Dashed: patches that bridge two groups of profiles."
     figure, axes = projections(
         f"{title}\nPatches", columns, [view.patches.corners_mm for view in views], note
     )
@@ -113,7 +114,7 @@ def _draw_patches(
             facecolors=[(*_rgb(colours[member[m]]), 0.75) for m in chosen],
             edgecolors=INK,
             linewidths=0.7,
-            linestyles="--" if intermediate else "-",
+            linestyles=(0, (3, 2)) if intermediate else "-",
         )
         ax.add_collection(faces)
     placed = np.zeros((0, 2))

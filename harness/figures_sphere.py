@@ -30,7 +30,7 @@ def draw_gauss_spheres(
         "rim is seen edge-on; circles 30, 60 and 90 degrees from the centre. On the right, pale: "
         "turned away from the target's sensor."
     )
-    figure = new_figure(f"{title}\nModified Gauss spheres, seen from the sensor", 4.9, note)
+    figure = new_figure(f"{title}\nModified Gauss spheres, seen from the sensor", 4.7, note)
     side_in = 2.4
     axes = [add_axes(figure, left, 1.35, side_in, side_in) for left in (0.6, 3.55, 6.5)]
     heaviest = max([float(s.weight[0]) for s in spheres if len(s)], default=1.0)

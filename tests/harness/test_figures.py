@@ -12,7 +12,7 @@ from PIL import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.figures import KINDS, draw_pair
-from harness.figures_page import FRONT, TOP, limits, projections, thinned
+from harness.figures_page import FRONT, MAX_POINTS, TOP, limits, projections, thinned
 from harness.figures_planes import normal_colours, sorted_matches
 from harness.figures_shifts import box_edges
 from harness.figures_superposition import draw_superposition
@@ -154,7 +154,7 @@ def test_limits_are_never_flat(points: np.ndarray) -> None:
 def test_thinning_keeps_points_as_they_are() -> None:
     cloud = np.random.default_rng(1).normal(size=(20_000, 3))
     thin = thinned(cloud)
-    assert len(thin) == 14_000
+    assert len(thin) == MAX_POINTS
     assert len(np.unique(thin, axis=0)) == len(thin)
     assert set(map(tuple, thin)) <= set(map(tuple, cloud))
 
