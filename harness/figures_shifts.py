@@ -35,12 +35,14 @@ def draw_shifts(pair: PairView, shifts: Shifts, title: str) -> Figure:
         half_mm = max(1.5 * float(np.ptp(shifts.box_mm, axis=0).max()), 30.0)
         near: Any = add_axes(figure, 0.1, 0.65, 3.7, 2.3, projection="3d")
         shown = (np.abs(shifts.values_mm - middle) <= half_mm).all(axis=1)
-        _draw_space(near, shifts, exact, found, shown)
+        seen = exact if (np.abs(exact - middle) <= half_mm).all() else None
+        _draw_space(near, shifts, seen, found, shown)
         for bounds, centre in zip(
             (near.set_xlim, near.set_ylim, near.set_zlim), middle, strict=True
         ):
             bounds(centre - half_mm, centre + half_mm)
-        near.set_title(f"the region (box) and {int(shown.sum()) - chosen} shifts around it")
+        around = amount(int((shown & ~shifts.chosen).sum()), "shift")
+        near.set_title(f"the region (box) and {around} around it")
     figure.legend(*whole.get_legend_handles_labels(), loc="lower left", ncols=4)
     for axis in range(3):
         ax = add_axes(figure, 4.7, 0.65 + 1.95 * (2 - axis), 4.1, 1.35)
@@ -51,7 +53,7 @@ def draw_shifts(pair: PairView, shifts: Shifts, title: str) -> Figure:
 def _draw_space(
     ax: Any,
     shifts: Shifts,
-    exact: FloatArray,
+    exact: FloatArray | None,
     found: FloatArray | None,
     shown: BoolArray | None = None,
 ) -> None:
@@ -66,7 +68,8 @@ def _draw_space(
     if np.isfinite(shifts.box_mm).all():
         for edge in box_edges(shifts.box_mm):
             ax.plot(*edge.T, color=MARK, lw=1.0)
-    ax.scatter(*exact, marker="x", s=45, color=INK, lw=1.4, label="exact translation")
+    if exact is not None:
+        ax.scatter(*exact, marker="x", s=45, color=INK, lw=1.4, label="exact translation")
     if found is not None:
         ax.scatter(*found, marker="+", s=60, color=TARGET, lw=1.6, label="estimate")
     ax.set(xlabel="X (mm)", ylabel="Y (mm)", zlabel="Z (mm)")
