@@ -1,0 +1,214 @@
+"""From scans of a flat target at known places to a calibration file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from registration.calibration import Calibration, Table, cell
+from registration.scan import FloatArray, Scan
+
+DEPTHS = 10
+MARGIN_MM = 10.0  # beyond the nearest and the farthest target
+# Tangents of incidence: dense where a flat target's own profile lies, then up to 72 degrees.
+TANGENTS = np.array([*np.linspace(0.0, 0.26, 14), 0.32, 0.40, 0.55, 0.80, 1.2, 1.8, 3.0])
+SIGMA_TANGENTS = np.array([0.0, 0.25, 0.6, 1.0, 1.6, 2.4, 3.5])
+SLOPES = 27
+# Weight of a table's second differences beside the data: it fills nodes where nothing was measured.
+STIFFNESS, SIGMA_STIFFNESS = 1e-5, 1e-3
+
+
+@dataclass(frozen=True)
+class TargetScan:
+    """A scan of a flat target, and where the target stood: normal . p = offset_mm.
+
+    normal: (3,) unit vector in the frame of the scan. From a ruler, or from the arm's encoders.
+    """
+
+    scan: Scan
+    normal: FloatArray
+    offset_mm: float
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Every measured point: depth, slope of its beam, tangent of incidence, error (n,)."""
+
+    depth_mm: FloatArray
+    slope: FloatArray
+    tangent: FloatArray
+    error_mm: FloatArray
+
+
+def fit_calibration(targets: Sequence[TargetScan], measured_by: str = "") -> Calibration:
+    """Fit bias and noise to scans of a flat target.
+
+    A target parallel to Y at several distances shows the bias, but not what it depends on: there
+    the tangent of the incidence and the slope of the beam are equal. At least one tilted set is
+    needed; both forms are fitted to all scans, and the one that leaves less is kept. Bias and
+    noise hold over the depths and inclinations of the targets. Raises ValueError where fewer than
+    two distances or no tilt make that impossible.
+    """
+    apex_mm = beam_apex_mm([target.scan for target in targets])
+    samples = _samples(targets, apex_mm)
+    slopes = np.linspace(samples.slope.min(), samples.slope.max(), SLOPES)
+    if np.abs(samples.tangent - np.abs(samples.slope)).max() < 0.05:
+        raise ValueError(
+            "no target is tilted: whether the bias depends on incidence or on lateral position "
+            "shows only on a tilted one; add scans of it turned by some 20 degrees"
+        )
+    depths_mm = np.linspace(samples.depth_mm.min(), samples.depth_mm.max(), DEPTHS)
+    tangents = TANGENTS[: np.searchsorted(TANGENTS, samples.tangent.max()) + 1]
+    scale = _spread_by_depth(samples, depths_mm)
+    tables = {
+        "incidence": _fitted(
+            samples.depth_mm, samples.tangent, samples.error_mm, scale, depths_mm, tangents
+        ),
+        "lateral": _fitted(
+            samples.depth_mm, samples.slope, samples.error_mm, scale, depths_mm, slopes
+        ),
+    }
+    left = {
+        "incidence": samples.error_mm
+        - tables["incidence"].value(samples.depth_mm, samples.tangent),
+        "lateral": samples.error_mm - tables["lateral"].value(samples.depth_mm, samples.slope),
+    }
+    # In units of the noise: far scans are noisier, and would drown what near ones tell.
+    misfit = {name: float(np.mean((r / scale) ** 2)) for name, r in left.items()}
+    form: Literal["incidence", "lateral"] = (
+        "incidence" if misfit["incidence"] <= misfit["lateral"] else "lateral"
+    )
+    rms_mm = {
+        name: float(np.sqrt(np.mean(r**2)))
+        for name, r in {"uncorrected": samples.error_mm, **left}.items()
+    }
+    sigma = _noise_table(samples, left[form], scale, depths_mm)
+    return Calibration(form, apex_mm, tables[form], sigma, measured_by, rms_mm)
+
+
+def _noise_table(
+    samples: _Samples, residual_mm: FloatArray, scale: FloatArray, depths_mm: FloatArray
+) -> Table:
+    """Standard deviation by depth and incidence; what is 5 times the usual counts as that."""
+    nodes = SIGMA_TANGENTS[: np.searchsorted(SIGMA_TANGENTS, samples.tangent.max()) + 1]
+    variance = np.clip(residual_mm / scale, -5.0, 5.0) ** 2
+    # Relative to the noise at each depth: that varies little, and stays above 0 in between.
+    ratio = _fitted(
+        samples.depth_mm, samples.tangent, variance, np.ones_like(scale), depths_mm, nodes,
+        SIGMA_STIFFNESS,
+    )  # fmt: skip
+    by_node = _spread_by_depth(samples, depths_mm, at_nodes=True)
+    return Table(depths_mm, nodes, by_node[:, None] * np.sqrt(np.maximum(ratio.value_mm, 0.01)))
+
+
+def beam_apex_mm(scans: Sequence[Scan]) -> FloatArray:
+    """(3,) where the beams meet, from scans in which each pixel met several distances.
+
+    Every pixel's points lie on its beam, whatever the error of the depth; the apex is the point
+    with the least sum of squared distances from these lines along Y.
+    """
+    y_mm = np.concatenate([scan.points_mm[..., 1] for scan in scans])
+    z_mm = np.concatenate([scan.points_mm[..., 2] for scan in scans])
+    valid = np.isfinite(z_mm)
+    count = valid.sum(axis=0)
+    usable = count >= 2
+    y_mm, z_mm = (np.where(valid, c, 0.0)[:, usable] for c in (y_mm, z_mm))
+    valid, count = valid[:, usable], count[usable]
+    mean_y, mean_z = y_mm.sum(axis=0) / count, z_mm.sum(axis=0) / count
+    dy, dz = np.where(valid, y_mm - mean_y, 0.0), np.where(valid, z_mm - mean_z, 0.0)
+    spread = (dz**2).sum(axis=0)
+    if not usable.any() or spread.max() < 1.0:
+        raise ValueError("all targets stand at one distance; a calibration needs two at least")
+    slope = (dy * dz).sum(axis=0) / np.maximum(spread, 1e-12)
+    # y = mean_y + slope (z - mean_z) for every pixel: two unknowns, the apex's y and z.
+    weight = np.sqrt(spread)
+    system = np.stack([weight, -slope * weight], axis=1)
+    y_apex, z_apex = np.linalg.lstsq(system, weight * (mean_y - slope * mean_z), rcond=None)[0]
+    return np.array([0.0, y_apex, z_apex])
+
+
+def _samples(targets: Sequence[TargetScan], apex_mm: FloatArray) -> _Samples:
+    """All points from the nearest target's middle to the farthest's."""
+    columns, middles_mm = [], []
+    for target in targets:
+        points_mm = target.scan.points_mm[target.scan.valid]
+        reach_mm = points_mm[:, 2] - apex_mm[2]
+        slope = (points_mm[:, 1] - apex_mm[1]) / reach_mm
+        apexes = target.normal[0] * points_mm[:, 0] + target.normal[1:] @ apex_mm[1:]
+        ahead = target.normal[1] * slope + target.normal[2]
+        true_mm = (target.offset_mm - apexes) / ahead
+        cosine = np.abs(ahead) / np.sqrt(1.0 + slope**2)
+        tangent = np.sqrt(np.maximum(1.0 / cosine**2 - 1.0, 0.0))
+        middles_mm.append(np.median(true_mm))
+        columns.append(np.stack([points_mm[:, 2], slope, tangent, reach_mm - true_mm]))
+    samples = np.concatenate(columns, axis=1)
+    # By the true depth: a cut by the measured one would keep errors of one sign.
+    true_mm = samples[0] - samples[3] - apex_mm[2]  # from the apex, as the middles
+    inside = (true_mm > min(middles_mm) - MARGIN_MM) & (true_mm < max(middles_mm) + MARGIN_MM)
+    return _Samples(*samples[:, inside])
+
+
+def _spread_by_depth(
+    samples: _Samples, depths_mm: FloatArray, at_nodes: bool = False
+) -> FloatArray:
+    """A first idea of the noise: how much errors of successive points differ, by depth.
+
+    For each sample (n,), or for each depth. The bias changes little from point to point.
+    """
+    nearest = np.abs(samples.depth_mm[:, None] - depths_mm).argmin(axis=1)
+    spread = np.ones(len(depths_mm))
+    for node in range(len(depths_mm)):
+        differences = np.diff(samples.error_mm[nearest == node])
+        if len(differences) > 10:
+            spread[node] = 1.4826 * float(np.median(np.abs(differences))) / np.sqrt(2.0)
+    spread = np.maximum(spread, 1e-3)
+    return spread if at_nodes else spread[nearest]
+
+
+def _fitted(
+    depth_mm: FloatArray,
+    at: FloatArray,
+    value: FloatArray,
+    scale: FloatArray,
+    depths_mm: FloatArray,
+    nodes: FloatArray,
+    stiffness: float = STIFFNESS,
+) -> Table:
+    """The bilinear table nearest to scattered values (n,), each weighted by 1 / scale^2."""
+    rows, columns = len(depths_mm), len(nodes)
+    row, row_share = cell(depths_mm, depth_mm)
+    column, column_share = cell(nodes, at)
+    corners = [(i, j) for i in (0, 1) for j in (0, 1)]
+    index = np.concatenate([(row + i) * columns + column + j for i, j in corners])
+    share = np.concatenate(
+        [
+            (row_share if i else 1.0 - row_share) * (column_share if j else 1.0 - column_share)
+            for i, j in corners
+        ]
+    )
+    points = np.tile(np.arange(len(value)), 4)
+    matrix = sparse.csr_matrix(
+        (share / np.tile(scale, 4), (points, index)), shape=(len(value), rows * columns)
+    )
+    normal = matrix.T @ matrix
+    weight = stiffness * float(normal.diagonal().mean())
+    for bending in (
+        sparse.kron(_second_differences(depths_mm), sparse.identity(columns)),
+        sparse.kron(sparse.identity(rows), _second_differences(nodes)),
+    ):
+        normal = normal + weight * (bending.T @ bending)
+    found = spsolve(normal.tocsc(), matrix.T @ (value / scale))
+    return Table(depths_mm, nodes, np.asarray(found).reshape(rows, columns))
+
+
+def _second_differences(nodes: FloatArray) -> sparse.csr_matrix:
+    """Change of the slope from node to node, as if nodes were a unit apart on average."""
+    inverse = np.diff(nodes).mean() / np.diff(nodes)
+    before, after = inverse[:-1], inverse[1:]
+    shape = (len(nodes) - 2, len(nodes))
+    return sparse.diags([before, -before - after, after], [0, 1, 2], shape=shape).tocsr()
