@@ -7,8 +7,9 @@ from contextlib import suppress
 
 from harness import clouds, execution, figures  # noqa: F401  # imported to be at hand
 from registration import METHODS, register
+from registration.peers import PEERS
 from registration.warm import corner_scan
 
-for name in METHODS:
+for name in METHODS.keys() - PEERS.keys():
     with suppress(Exception):  # a method that fails here shall do so in a trial, where it is noted
         register(corner_scan(), corner_scan(), method=name)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from registration.gauss_sphere import pipeline as gauss_sphere
 from registration.gauss_sphere.params import GaussSphereParams
+from registration.peers import PEERS
 from registration.result import RegistrationResult
 from registration.scan import Scan
 from registration.thesis import pipeline as thesis
@@ -30,6 +31,8 @@ class UnknownMethodError(ValueError):
 METHODS: dict[str, Method] = {
     "gauss_sphere": Method(gauss_sphere.register_scans, GaussSphereParams),
     "thesis": Method(thesis.register_scans, ThesisParams),
+    # Other libraries, imported when first called: MissingPeerError says what to install.
+    **{name: Method(peer.function, peer.params_type) for name, peer in PEERS.items()},
 }
 
 

@@ -8,8 +8,10 @@ from plane_scans import plates_from, pose_error, scan_plates
 from scipy.spatial.transform import RigidTransform
 
 from registration import METHODS, RegistrationResult, Scan, register
+from registration.peers import PEERS
 
-pytestmark = pytest.mark.parametrize("method", METHODS)
+# Other libraries answer whatever they are given; what holds for them is in test_peers.py.
+pytestmark = pytest.mark.parametrize("method", [name for name in METHODS if name not in PEERS])
 
 
 def empty(profiles: int = 20, pixels: int = 64) -> Scan:
