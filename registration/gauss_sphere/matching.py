@@ -7,7 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.params import MatchParams, RefineParams, VerificationParams
-from registration.gauss_sphere.refine import Likelihood, likelihood, maximise
+from registration.gauss_sphere.refine import (
+    Likelihood,
+    likelihood,
+    maximise,
+    maximise_consistently,
+)
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
     SUPPORT,
@@ -25,6 +30,7 @@ class Settled(NamedTuple):
 
     rotation (3, 3), shift_mm (3,): p_target = R p_source + t.
     information: (6, 6) of a perturbation (rad, mm) on the left, about the target's origin.
+    floor_mm: systematic error of a plane's offset under which the matched planes agree.
     pairs: (m, 2) target and source patch; distance2: (m,) their squared Mahalanobis distances.
     areas: (4,) mm^2 of support, contradiction, hidden, outside.
     score: support less weighted contradiction, mm^2.
@@ -33,6 +39,7 @@ class Settled(NamedTuple):
     rotation: FloatArray
     shift_mm: FloatArray
     information: FloatArray
+    floor_mm: float
     pairs: IntArray
     distance2: FloatArray
     areas: FloatArray
@@ -54,13 +61,15 @@ def settle(
     capacity = target.patches.n_points.size * source.patches.n_points.size
     pairs = np.zeros((capacity, 2), dtype=np.int64)
     distance2 = np.zeros(capacity)
-    n = _settle(
+    n, floor_mm = _settle(
         target,
         source,
         comparison(verification),
         likelihood(refine),
         np.asarray(match.tolerances_mm),
+        np.asarray(match.floors_mm),
         np.asarray(match.strides),
+        np.asarray(refine.floors_mm),
         match.least_samples,
         r,
         t,
@@ -70,7 +79,7 @@ def settle(
         areas,
     )
     score = float(areas[SUPPORT] - verification.contradiction_weight * areas[CONTRADICTION])
-    return Settled(r, t, information, pairs[:n], distance2[:n], areas, score)
+    return Settled(r, t, information, floor_mm, pairs[:n], distance2[:n], areas, score)
 
 
 @compiled
@@ -80,7 +89,9 @@ def _settle(
     how: Comparison,
     likely: Likelihood,
     tolerances: FloatArray,
+    rough_floors: FloatArray,
     strides: IntArray,
+    floors: FloatArray,
     least: int,
     r: FloatArray,
     t: FloatArray,
@@ -88,7 +99,7 @@ def _settle(
     pairs: IntArray,
     distance2: FloatArray,
     areas: FloatArray,
-) -> int:
+) -> tuple[int, float]:
     counts = np.zeros((target.patches.n_points.size, source.patches.n_points.size), np.int64)
     n = 0
     for stage in range(tolerances.size):
@@ -101,7 +112,20 @@ def _settle(
                     n += 1
         if n < 2:
             information[:] = 0.0
-            return n
-        maximise(target.patches, source.patches, pairs[:n], likely, r, t, information, distance2)
+            return n, 0.0
+        maximise(
+            target.patches,
+            source.patches,
+            pairs[:n],
+            likely,
+            rough_floors[stage],
+            r,
+            t,
+            information,
+            distance2,
+        )
+    floor = maximise_consistently(
+        target.patches, source.patches, pairs[:n], likely, floors, r, t, information, distance2
+    )
     compare_both(target, source, how, r, t, tolerances[-1], 1, counts, areas)
-    return n
+    return n, floor

@@ -74,8 +74,10 @@ class RefineParams:
 
     rounds: int = 10
     tail: float = 25.0
-    tilt_floor_rad: float = 2e-5
-    offset_floor_mm: float = 0.005
+    floors_mm: tuple[float, ...] = (0.005, 0.05, 0.15, 0.5, 1.5, 4.0)
+    floor_lever_mm: float = 150.0
+    consistent_distance2: float = 14.0
+    consistent_share: float = 0.6
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,7 @@ class MatchParams:
     """Planes matched under a pose."""
 
     tolerances_mm: tuple[float, ...] = (20.0, 10.0, 5.0, 5.0)
+    floors_mm: tuple[float, ...] = (4.0, 1.5, 0.5, 0.15)
     strides: tuple[int, ...] = (4, 4, 1, 1)
     least_samples: int = 3
 

@@ -18,15 +18,63 @@ class Likelihood(NamedTuple):
 
     rounds: int
     tail: float
-    tilt_floor_rad: float
-    offset_floor_mm: float
+    lever_mm: float
+    consistent_distance2: float
+    consistent_share: float
 
 
 def likelihood(params: RefineParams) -> Likelihood:
     """The parameters that decide how the pose is refined."""
     return Likelihood(
-        params.rounds, params.tail, params.tilt_floor_rad, params.offset_floor_mm
-    )  # fmt: skip
+        params.rounds,
+        params.tail,
+        params.floor_lever_mm,
+        params.consistent_distance2,
+        params.consistent_share,
+    )
+
+
+@compiled
+def maximise_consistently(
+    target: Patches,
+    source: Patches,
+    pairs: IntArray,
+    likely: Likelihood,
+    floors_mm: FloatArray,
+    r: FloatArray,
+    t: FloatArray,
+    information: FloatArray,
+    distance2: FloatArray,
+) -> float:
+    """Maximise with the smallest systematic error under which most of the surface agrees.
+
+    The noise alone makes large planes so certain that an uncorrected bias of the sensor looks like
+    a contradiction among them, and the pose would follow the few that happen to agree. The floor
+    that is needed is returned; it is part of the information, so the answer's covariance has it.
+    """
+    n_floors = floors_mm.size
+    poses_r, poses_t = np.empty((n_floors, 3, 3)), np.empty((n_floors, 3))
+    used = n_floors - 1
+    # From the largest floor down, each from the pose of the one before: the planes' agreement
+    # sharpens step by step, and a few that agree by chance do not catch the pose.
+    for f in range(n_floors - 1, -1, -1):
+        maximise(target, source, pairs, likely, floors_mm[f], r, t, information, distance2)
+        poses_r[f] = r
+        poses_t[f] = t
+        agreeing, total, n_agreeing = 0.0, 0.0, 0
+        for m in range(pairs.shape[0]):
+            area = min(target.area_mm2[pairs[m, 0]], source.area_mm2[pairs[m, 1]])
+            total += area
+            if distance2[m] < likely.consistent_distance2:
+                agreeing += area
+                n_agreeing += 1
+        enough = n_agreeing == pairs.shape[0] or n_agreeing >= 4
+        if enough and agreeing >= likely.consistent_share * total:
+            used = f
+    r[:] = poses_r[used]
+    t[:] = poses_t[used]
+    maximise(target, source, pairs, likely, floors_mm[used], r, t, information, distance2)
+    return float(floors_mm[used])
 
 
 @compiled
@@ -35,6 +83,7 @@ def maximise(
     source: Patches,
     pairs: IntArray,
     likely: Likelihood,
+    floor_mm: float,
     r: FloatArray,
     t: FloatArray,
     information: FloatArray,
@@ -47,14 +96,15 @@ def maximise(
     Levenberg-Marquardt damping on it attains the Cramer-Rao bound with the plane parameters as
     nuisances. A heavy tail keeps single wrong pairs from bending the pose.
 
-    pairs: (m, 2) target and source patch.  r (3, 3), t (3,): the pose, changed in place.
+    pairs: (m, 2) target and source patch.  floor_mm: systematic error of a plane's offset, and over
+    the lever of its tilt, added to every covariance.  r (3, 3), t (3,): the pose, changed in place.
     information: (6, 6) out, of a perturbation (rad, mm) on the left, about the target's origin.
     distance2: (m,) or longer, out: squared Mahalanobis distances, three degrees of freedom each.
     """
     hessian, gradient = np.zeros((6, 6)), np.zeros(6)
     trial_r, trial_t = r.copy(), t.copy()
     damping = 1e-4
-    cost = _accumulate(target, source, pairs, likely, r, t, hessian, gradient, distance2)
+    cost = _accumulate(target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2)
     information[:] = hessian
     for _ in range(likely.rounds):
         damped = hessian.copy()
@@ -70,7 +120,7 @@ def maximise(
             step *= 0.2 / turn
         apply_step(step, r, t, trial_r, trial_t)
         trial = _accumulate(
-            target, source, pairs, likely, trial_r, trial_t, hessian, gradient, distance2
+            target, source, pairs, likely, floor_mm, trial_r, trial_t, hessian, gradient, distance2
         )
         if trial <= cost:
             gain = cost - trial
@@ -83,7 +133,7 @@ def maximise(
                 break
         else:
             damping *= 100.0
-            _accumulate(target, source, pairs, likely, r, t, hessian, gradient, distance2)
+            _accumulate(target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2)
             if damping > 1e6:
                 break
 
@@ -94,6 +144,7 @@ def _accumulate(
     source: Patches,
     pairs: IntArray,
     likely: Likelihood,
+    floor_mm: float,
     r: FloatArray,
     t: FloatArray,
     hessian: FloatArray,
@@ -103,7 +154,7 @@ def _accumulate(
     """The cost of a pose, its gradient and Gauss-Newton Hessian."""
     ca, ea, cov_a = target.centroid_mm, target.basis, target.covariance
     nb, cb, eb, cov_b = source.normal, source.centroid_mm, source.basis, source.covariance
-    tail, tilt_floor, offset_floor = likely.tail, likely.tilt_floor_rad, likely.offset_floor_mm
+    tail, offset_floor, tilt_floor = likely.tail, floor_mm, floor_mm / likely.lever_mm
     hessian[:] = 0.0
     gradient[:] = 0.0
     cost = 0.0
