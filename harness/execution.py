@@ -13,7 +13,7 @@ import numpy as np
 
 from harness import diagnosis
 from harness.pair_view import PairView
-from harness.scoring import exact_pose, pose_error
+from harness.scoring import encoder_pose, exact_pose, pose_error
 from harness.store import Row, RowStatus
 from harness.trials import Trial, TrialSpec, canonical_json
 from harness.views import ViewSpec
@@ -90,12 +90,14 @@ def _perform(trial: Trial) -> Outcome:
     scanned = time.perf_counter()
     shares = _shares(spec)
     measured = time.perf_counter()
-    T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+    paths = spec.path(spec.target), spec.path(spec.source)
+    T_exact = exact_pose(*paths)
     stage_ms = {"scan": 1e3 * (scanned - start), "overlap": 1e3 * (measured - scanned)}
     row: dict[str, Any] = {
         "id": trial.id,
         "spec": canonical_json(spec),
         "T_exact": T_exact,
+        "T_theoretical": encoder_pose(*paths),
         "overlap_target": shares[0],
         "overlap_source": shares[1],
     }

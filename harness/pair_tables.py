@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import RigidTransform
 
 from harness.pair_view import file_slug
 from harness.schema import Experiment, Pair, PrintedPose, RotationLabels
@@ -33,9 +34,9 @@ def _pair_table(
     experiment: Experiment, name: str, pair: Pair, rows: pd.DataFrame, label: str
 ) -> Table:
     first = rows.iloc[0]
-    exact, estimated, error = (
+    exact, theoretical, estimated, error = (
         first[[f"{kind}_{column}" for column in COLUMNS]].to_numpy(dtype=np.float64)
-        for kind in ("exact", "estimated", "error")
+        for kind in ("exact", "theoretical", "estimated", "error")
     )
     columns: dict[str, Any] = {
         "Parameter": [*NAMES, "Rotation angle (deg)", "Translation norm (mm)"]
@@ -50,6 +51,8 @@ def _pair_table(
             "",
         ]
     columns["Exact"] = [*exact, np.nan, np.nan]
+    if not np.isnan(theoretical).any():
+        columns["Theoretical (encoders)"] = [*theoretical, np.nan, np.nan]
     theirs = _thesis_values(pair, labels)
     if theirs is not None:
         columns["Thesis's estimate"] = [*theirs[0], np.nan, np.nan]
@@ -69,7 +72,13 @@ def _pair_table(
             )
         ]
     caption = _pair_caption(experiment, pair, len(rows))
-    signed = dict.fromkeys(("Exact", "Thesis's estimate", "Our estimate"), ".2f")
+    if "Theoretical (encoders)" in columns:
+        caption += (
+            " Theoretical is what the arm's encoders and the nominal tool centre point say, by "
+            "(3-1), as in the thesis; what is wrong with the bracket is in the exact values only."
+        )
+    poses = ("Exact", "Theoretical (encoders)", "Thesis's estimate", "Our estimate")
+    signed = dict.fromkeys(poses, ".2f")
     signed |= dict.fromkeys(("Our error", "Thesis's error"), "+.2f")
     frame = pd.DataFrame(columns)
     kind = "Table" if pair.printed else "Pair"
@@ -106,6 +115,13 @@ def _pair_note(rows: pd.DataFrame, n_known: int) -> str:
     text = f"{n_known} of {len(rows)} repeats have an estimate."
     if not np.isnan(first["overlap_source"]):
         text += f" The target view sees {first['overlap_source']:.0%} of the source's points."
+    if first["T_theoretical"] is not None:
+        poses = (RigidTransform.from_matrix(first[f"T_{k}"]) for k in ("exact", "theoretical"))
+        off = pose_error(*poses)
+        text += (
+            f" The theoretical pose is {np.rad2deg(off.rotation_rad):.3f} deg and "
+            f"{off.translation_mm:.2f} mm off the exact one."
+        )
     if first["status"] != "ok":
         text += f" Repeat 0: {first['status']}: {first['reason']}."
     return text

@@ -61,9 +61,14 @@ class AimedView(Strict):
 
 
 class PlacedView(Strict):
-    """A view placed so that the exact pose of a pair is the one printed for it."""
+    """A view placed so that the pose of a pair is the one printed for it, as commanded.
+
+    beyond_reach: what becomes of the view where the arm cannot follow its line: the configuration
+        is refused, or the sensor moves without an arm and the run says so.
+    """
 
     placed_by: str
+    beyond_reach: Literal["refuse", "straight_line"] = "refuse"
 
 
 class RelativeView(Strict):
@@ -114,6 +119,7 @@ class Pair(Strict):
 class Experiment(Strict):
     """One experiment: a scene, a sensor, views, pairs of them, methods and repeats.
 
+    arm: what carries the sensor, as ArmParams; null moves it exactly as commanded, without an arm.
     rotation_labels: how the labels of the printed angles are read (the tables 6.2 to 6.5 name
         another axis than the one that was turned): printed, swapped (X and Z) or cyclic.
     """
@@ -122,6 +128,7 @@ class Experiment(Strict):
     description: str = ""
     scene: Choice
     sensor: Choice
+    arm: dict[str, Any] | None = None
     scan: ScanSize
     rotation_labels: RotationLabels = "printed"
     views: dict[str, View] = Field(min_length=1)

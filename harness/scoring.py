@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from sensors.arm import ArmPath
 from sensors.paths import ViewPath
 
 FloatArray = NDArray[np.float64]
@@ -39,6 +40,16 @@ def exact_pose(target: ViewPath, source: ViewPath) -> RigidTransform:
     This is (3-1) of the thesis with the world in the place of the arm's bases.
     """
     return target.T_world_view.inv() * source.T_world_view
+
+
+def encoder_pose(target: ViewPath, source: ViewPath) -> RigidTransform | None:
+    """T_target_source by (3-1) from the arm's encoders and the nominal tool centre point, in mm.
+
+    The thesis's "theoretical" values; off by what the bracket is. None for views without an arm.
+    """
+    if isinstance(target, ArmPath) and isinstance(source, ArmPath):
+        return target.T_world_encoder_view.inv() * source.T_world_encoder_view
+    return None
 
 
 def pose_error(T_exact: RigidTransform, T_estimated: RigidTransform) -> PoseError:

@@ -18,7 +18,8 @@ from harness.scoring import PARAMETERS, parameter_errors, six_parameters
 from harness.trials import Trial
 
 FILE_NAME = "trials.sqlite"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+KINDS = ("exact", "theoretical", "estimated", "error")  # of the six parameters, by column
 
 RowStatus = Literal["ok", "ambiguous", "underdetermined", "failed", "no_overlap", "error"]
 
@@ -30,6 +31,7 @@ CREATE TABLE trials (
     reason TEXT NOT NULL,
     traceback TEXT NOT NULL,
     T_exact TEXT,
+    T_theoretical TEXT,
     T_estimated TEXT,
     rotation_error_deg REAL,
     translation_error_mm REAL,
@@ -73,7 +75,8 @@ class StoreError(RuntimeError):
 class Row:
     """The outcome of one trial.
 
-    spec: its canonical JSON. T_exact, T_estimated: T_target_source or None.
+    spec: its canonical JSON. T_exact, T_theoretical, T_estimated: T_target_source or None; the
+        theoretical one is what the arm's encoders say.
     overlap_target, overlap_source: exact share of either view's points that the other sees.
     counts: points, segments, patches and so on, by name.
     stage_ms: wall times; all else is the same in every run.
@@ -85,6 +88,7 @@ class Row:
     reason: str = ""
     traceback: str = ""
     T_exact: RigidTransform | None = None
+    T_theoretical: RigidTransform | None = None
     T_estimated: RigidTransform | None = None
     rotation_error_deg: float | None = None
     translation_error_mm: float | None = None
@@ -180,7 +184,8 @@ class Store:
         """Write one row and commit it; a row of the same id is replaced."""
         values = (
             row.id, row.spec, row.status, row.reason, row.traceback,
-            _matrix_json(row.T_exact), _matrix_json(row.T_estimated),
+            _matrix_json(row.T_exact), _matrix_json(row.T_theoretical),
+            _matrix_json(row.T_estimated),
             row.rotation_error_deg, row.translation_error_mm,
             row.overlap_target, row.overlap_source,
             _array_json(row.covariance), _array_json(row.undetermined),
@@ -199,10 +204,10 @@ def load(folder: Path) -> pd.DataFrame:
     """The rows of a results folder's present configuration, one a trial that has been run.
 
     Columns: id, pair, method, given, repeat, status, reason, traceback, spec; rotation_error_deg,
-    translation_error_mm; overlap_target, overlap_source (fractions); exact_*, estimated_* and
-    error_* of the six parameters (rotation_x_deg .. rotation_z_deg, x_mm .. z_mm); n_* counts;
-    ms_* wall times. T_exact, T_estimated hold (4, 4) matrices, covariance and undetermined arrays,
-    or None. Raises StoreError.
+    translation_error_mm; overlap_target, overlap_source (fractions); exact_*, theoretical_*,
+    estimated_* and error_* of the six parameters (rotation_x_deg .. rotation_z_deg, x_mm .. z_mm);
+    n_* counts; ms_* wall times. T_exact, T_theoretical, T_estimated hold (4, 4) matrices,
+    covariance and undetermined arrays, or None. Raises StoreError.
     """
     path = folder / FILE_NAME
     if not path.exists():
@@ -218,7 +223,7 @@ def load(folder: Path) -> pd.DataFrame:
     finally:
         connection.close()
     for record in records:
-        for name in ("T_exact", "T_estimated", "covariance", "undetermined"):
+        for name in ("T_exact", "T_theoretical", "T_estimated", "covariance", "undetermined"):
             record[name] = _array(record[name])
         for name, prefix in (("counts", "n_"), ("stage_ms", "ms_")):
             values = json.loads(record.pop(name))
@@ -230,22 +235,19 @@ def load(folder: Path) -> pd.DataFrame:
 
 
 def _parameters(frame: pd.DataFrame) -> pd.DataFrame:
-    """The six parameters of both poses and their differences, NaN where there is no pose."""
+    """The six parameters of the poses, and estimated less exact; NaN where there is no pose."""
     names = [
         f"{name}_{unit}" for name, unit in zip(PARAMETERS, ["deg"] * 3 + ["mm"] * 3, strict=True)
     ]
-    values = np.full((3, len(frame), 6), np.nan)
-    for i, (exact, estimated) in enumerate(
-        zip(frame["T_exact"], frame["T_estimated"], strict=True)
-    ):
-        for target, matrix in ((values[0], exact), (values[1], estimated)):
+    values = {kind: np.full((len(frame), 6), np.nan) for kind in KINDS}
+    for kind in KINDS[:3]:
+        for row, matrix in zip(values[kind], frame[f"T_{kind}"], strict=True):
             if matrix is not None:
-                target[i] = six_parameters(RigidTransform.from_matrix(matrix))
-    values[2] = [parameter_errors(a, b) for a, b in zip(values[0], values[1], strict=True)] or 0.0
+                row[:] = six_parameters(RigidTransform.from_matrix(matrix))
+    for i in range(len(frame)):
+        values["error"][i] = parameter_errors(values["exact"][i], values["estimated"][i])
     columns = {
-        f"{kind}_{name}": block[:, i]
-        for kind, block in zip(("exact", "estimated", "error"), values, strict=True)
-        for i, name in enumerate(names)
+        f"{kind}_{name}": values[kind][:, i] for kind in KINDS for i, name in enumerate(names)
     }
     return pd.DataFrame(columns, index=frame.index)
 

@@ -16,11 +16,12 @@ from pydantic import ConfigDict, create_model
 
 from harness.config import validated
 from harness.config_errors import ConfigError, Key, nearest
-from harness.schema import AimedView, Choice, Experiment, MethodChoice, Truth
+from harness.schema import AimedView, Choice, Experiment, MethodChoice, PlacedView, Truth
 from harness.views import ViewSpec, view_spec
 from registration.methods import METHODS, UnknownMethodError, find_method
 from scenes import SCENES
 from sensors import SENSORS
+from sensors.arm import ArmParams, ReachError
 from sensors.paths import ViewPath
 
 
@@ -107,8 +108,14 @@ def build_trials(experiment: Experiment, file: Path) -> tuple[Trial, ...]:
         _chosen_method(choice, ("methods", index), file)
         for index, choice in enumerate(experiment.methods)
     ]
-    views = {name: view_spec(experiment, name, file) for name in experiment.views}
     scan = experiment.scan
+    arm = None
+    if experiment.arm is not None:
+        arm = checked_params(ArmParams, experiment.arm, file, ("arm",))
+    views = {
+        name: _carried(view_spec(experiment, name, file), arm, experiment, file)
+        for name in experiment.views
+    }
     return tuple(
         Trial(
             TrialSpec(
@@ -125,6 +132,22 @@ def build_trials(experiment: Experiment, file: Path) -> tuple[Trial, ...]:
         # True segments and patches hold no noise: every repeat would be the same trial.
         if repeat == 0 or given in ("", "rotation")
     )  # fmt: skip
+
+
+def _carried(view: ViewSpec, arm: ArmParams | None, experiment: Experiment, file: Path) -> ViewSpec:
+    """A view on the arm, driven once so that one out of reach is told before any scan."""
+    if arm is None:
+        return view
+    digest = hashlib.sha256(canonical_json([experiment.seed, view.name]).encode()).digest()
+    carried = dataclasses.replace(view, arm=arm, rest_seed=int.from_bytes(digest[:6]))
+    try:
+        carried.path(experiment.scan.profiles, experiment.scan.step_mm)
+    except ReachError as error:
+        chosen = experiment.views[view.name]
+        if isinstance(chosen, PlacedView) and chosen.beyond_reach == "straight_line":
+            return view
+        raise ConfigError(file, ("views", view.name), f"out of the arm's reach: {error}") from None
+    return carried
 
 
 def _plain(value: Any) -> Any:
@@ -182,8 +205,9 @@ def checked_params(params_type: type, params: dict[str, Any], file: Path | str, 
     if not dataclasses.is_dataclass(params_type):
         return params
     config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-    model = create_model("Params", __config__=config, params=(params_type, ...))
-    return validated(model, {"params": params}, file, key[:-1]).params
+    name = str(key[-1])
+    model: Any = create_model("Params", __config__=config, **{name: (params_type, ...)})
+    return getattr(validated(model, {name: params}, file, key[:-1]), name)
 
 
 def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from harness.config_errors import ConfigError, nearest
 from harness.schema import AimedView, Experiment, PrintedPose, RelativeView, RotationLabels
 from harness.scoring import pose_from_parameters
+from sensors.arm import ArmParams, viewing_line
 from sensors.paths import ViewPath, aimed_view, straight_line
 
 Vector = tuple[float, float, float]
@@ -43,14 +44,25 @@ class ViewSpec:
     """Where one view is taken from, in the numbers of the config: an aimed view and steps from it.
 
     The name is part of it: two views from one place are two scans.
+    arm: what carries the sensor there, or None for the exact straight line.
+    rest_seed: draws where within a count of its encoder each joint comes to rest.
     """
 
     name: str
     aim: AimedView
     steps: tuple[PoseStep, ...]
+    arm: ArmParams | None = None
+    rest_seed: int | None = None
 
     def path(self, profiles: int, step_mm: float) -> ViewPath:
-        """The straight viewing line of this view."""
+        """The viewing line of this view as it is driven; raises ReachError."""
+        T_world_view = self.commanded(profiles, step_mm)
+        if self.arm is None:
+            return straight_line(T_world_view, profiles, step_mm)
+        return viewing_line(T_world_view, profiles, step_mm, self.arm, self.rest_seed)
+
+    def commanded(self, profiles: int, step_mm: float) -> RigidTransform:
+        """T_world_view of the first profile as the config asks for it."""
         yaw_rad, pitch_rad, roll_rad = np.deg2rad(
             [self.aim.yaw_deg, self.aim.pitch_deg, self.aim.roll_deg]
         ).tolist()
@@ -59,7 +71,7 @@ class ViewSpec:
         )
         for step in self.steps:
             T_world_view = T_world_view * step.pose
-        return straight_line(T_world_view, profiles, step_mm)
+        return T_world_view
 
 
 def relabelled(pose: PrintedPose, labels: RotationLabels) -> tuple[Vector, Vector]:

@@ -36,7 +36,10 @@ def seen(
     """
     profile, x_mm = _nearest_profile(path, points_mm)
     local_mm = path.T_world_profile[profile].inv().apply(points_mm)
-    inside = (np.abs(x_mm) <= 0.5 * path.step_mm) & sensor.in_field(local_mm)
+    # Between profiles the field has no gaps, however unevenly the sensor stepped.
+    beyond = (profile == 0) & (x_mm < -0.5 * path.step_mm)
+    beyond |= (profile == path.profiles - 1) & (x_mm > 0.5 * path.step_mm)
+    inside = ~beyond & sensor.in_field(local_mm)
     chosen = np.flatnonzero(inside)
     chosen = chosen[np.argsort(profile[chosen], kind="stable")]
     apexes_mm = path.T_world_profile.apply(sensor.apex_mm)
