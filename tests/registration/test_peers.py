@@ -44,7 +44,7 @@ def test_a_missing_library_is_one_line_with_the_way_out(monkeypatch, tmp_path) -
         "raise ImportError('libusb-1.0.so.0: cannot open shared object file')", encoding="utf-8"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(MissingPeerError, match="half_a_wheel .* apt-get install libusb-1.0-0"):
+    with pytest.raises(MissingPeerError, match=r"half_a_wheel .* apt-get install libusb-1.0-0"):
         require("half_a_wheel")
     with pytest.raises(MissingPeerError, match=r"no_such_peer is not installed; .*\[peers\]"):
         require("no_such_peer")
