@@ -71,11 +71,11 @@ def pose_information(target: Beams, source: Beams) -> FloatArray:
 
     Of a perturbation (rotation vector w in rad, translation t in mm) on the left of
     T_target_source, so in the target's frame, as RegistrationResult.covariance is. Derivation: a
-    face is the plane n . (p - c) = 0, with c a point of it and e1, e2 tangents. Let a = (a1, a2, a3) be its unknown
-    deviation, n -> n + a1 e1 + a2 e2 and the plane moved by a3 along n. To first order, the
-    residual of a point p of it is g . a with g = (e1 . (p - c), e2 . (p - c), -1), and an error of
-    the depth of variance s^2 along the beam b changes it by (n . b) times as much. A view thus
-    informs of a by
+    face is the plane n . (p - c) = 0, with c a point of it and e1, e2 tangents. Let a = (a1, a2,
+    a3) be its unknown deviation, n -> n + a1 e1 + a2 e2 and the plane moved by a3 along n. To first
+    order, the residual of a point p of it is g . a with g = (e1 . (p - c), e2 . (p - c), -1), and
+    an error of the depth of variance s^2 along the beam b changes it by (n . b) times as much. A
+    view thus informs of a by
 
         I = sum g g^T / ((n . b) s)^2,
 
