@@ -36,6 +36,7 @@ class PatchParams:
     min_points: int = 40
     gate_sigma: float = 3.5
     fit_rounds: int = 2
+    bias_rounds: int = 3
     edge_pixels: int = 1
 
 
@@ -119,8 +120,13 @@ class DecisionParams:
 
 @dataclass(frozen=True)
 class GaussSphereParams:
-    """All stages of the method."""
+    """All stages of the method.
 
+    calibration: path of the file that the precision experiment wrote for the sensor, or empty: then
+        its bias stays in the scans, and the answers are the less accurate for it.
+    """
+
+    calibration: str = ""
     segments: SegmentParams = field(default_factory=SegmentParams)
     patches: PatchParams = field(default_factory=PatchParams)
     rotation: RotationParams = field(default_factory=RotationParams)

@@ -7,11 +7,13 @@ from time import perf_counter
 
 import numpy as np
 
-from registration.gauss_sphere.beams import fan_of
+from registration.gauss_sphere.beams import Fan, fan_of
+from registration.gauss_sphere.bias import Bias, corrected, read_bias
 from registration.gauss_sphere.decision import distinct, judge, same, sliding
 from registration.gauss_sphere.growing import find_patches
 from registration.gauss_sphere.matching import Settled, settle
 from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.patches import Patches, fit_patches
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.translation import pose_candidates
@@ -33,11 +35,33 @@ def register_scans(target: Scan, source: Scan, params: GaussSphereParams) -> Reg
 
 
 def describe(scan: Scan, params: GaussSphereParams) -> View:
-    """Planes of a scan, with what is needed to compare it with another."""
+    """Planes of a scan, with what is needed to compare it with another.
+
+    Raises CalibrationError or OSError where params name a calibration that cannot be read.
+    """
     fan = fan_of(scan)
-    segments = find_segments(fan, params.segments)
-    patches = find_patches(fan, segments, params.patches)
+    patches = find_patches(fan, find_segments(fan, params.segments), params.patches)
+    if params.calibration:
+        fan, patches = without_bias(fan, patches, read_bias(params.calibration), params)
     return view_of(fan, patches, params.verification)
+
+
+def without_bias(
+    measured: Fan, patches: Patches, bias: Bias, params: GaussSphereParams
+) -> tuple[Fan, Patches]:
+    """The fan and its planes after the sensor's bias was taken out.
+
+    The bias bends planes, which then fall to pieces, and tilts the pieces, by which the bias is
+    known: corrected and fitted again in turns, they settle, and come together when found anew.
+    """
+    fan = measured
+    for again in range(params.patches.bias_rounds):
+        for _ in range(params.patches.bias_rounds):
+            fan = corrected(measured, patches, bias)
+            patches = fit_patches(fan, patches.label, patches.n_points.size, params.patches)
+        if again + 1 < params.patches.bias_rounds:
+            patches = find_patches(fan, find_segments(fan, params.segments), params.patches)
+    return fan, patches
 
 
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
