@@ -50,14 +50,22 @@ def load_experiment(
     overrides: "dotted.key=value", the value in YAML, applied before anything is checked.
     seed: replaces the file's.
     """
+    data = overridden_mapping(path, overrides, seed)
+    experiment: Experiment = validated(Experiment, data, path)
+    _check_names(experiment, path)
+    return experiment
+
+
+def overridden_mapping(
+    path: Path, overrides: Sequence[str] = (), seed: int | None = None
+) -> dict[str, Any]:
+    """What a file holds after the overrides, as for load_experiment, unchecked otherwise."""
     data = read_mapping(path)
     for override in overrides:
         _apply(data, override, path)
     if seed is not None:
         data["seed"] = seed
-    experiment: Experiment = validated(Experiment, data, path)
-    _check_names(experiment, path)
-    return experiment
+    return data
 
 
 def read_mapping(path: Path) -> dict[str, Any]:

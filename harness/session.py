@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from harness.card import card_table
 from harness.config import dump_yaml, load_experiment
 from harness.pool import MakeExecutor
 from harness.provenance import code_fingerprint, run_facts
@@ -92,12 +93,17 @@ def execute(
 
 
 def report(session: Session) -> list[Table]:
-    """Build the tables from the rows and write them; raises StoreError."""
+    """Build the tables from the rows and write them; raises StoreError.
+
+    Beside them the card of the sensor is written, which nobody needs to see at every run.
+    """
     rows = load(session.folder)
     if rows.empty:
         raise StoreError(f"{session.folder} has no row of this configuration; run it first")
     tables = all_tables(session.experiment, rows)
-    write_tables(tables, session.folder / "tables")
+    sensor = session.trials[0].spec.sensor
+    card = card_table(sensor.name, sensor.params)
+    write_tables([*tables, *([card] if card else [])], session.folder / "tables")
     return tables
 
 
@@ -107,6 +113,9 @@ def resolved(session: Session) -> dict[str, Any]:
     first = session.trials[0].spec
     data["scene"]["params"] = _plain(first.scene.params)
     data["sensor"]["params"] = _plain(first.sensor.params)
+    arms = [v.arm for t in session.trials for v in (t.spec.source, t.spec.target) if v.arm]
+    if arms:
+        data["arm"] = _plain(arms[0])
     params = {trial.label: trial.spec.method.params for trial in session.trials}
     for method in data["methods"]:
         method.pop("preset", None)

@@ -37,7 +37,7 @@ def _facing_board(distance_mm: float) -> ViewPath:
 @pytest.mark.parametrize("name", SENSORS)
 @pytest.mark.parametrize("scene_name", SCENES)
 def test_every_sensor_scans_every_scene(name: str, scene_name: str) -> None:
-    factory, params_type = SENSORS[name]
+    factory, params_type, _ = SENSORS[name]
     scan = factory(params_type()).scan(_scene(scene_name), _path(), np.random.default_rng(0))
     assert isinstance(scan, Scan)
     assert scan.points_mm.shape[0] == 20

@@ -1,0 +1,221 @@
+"""The experiment `precision`: chapter 3 on the simulated sensor, and its calibration by a user."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from harness.card import as_table, geometry_table
+from harness.config import dump_yaml, overridden_mapping, validated
+from harness.config_errors import ConfigError, nearest
+from harness.provenance import code_fingerprint, run_facts
+from harness.schema import Angle, Choice, Length, ScanSize, Strict
+from harness.table_files import Table, write_tables
+from harness.trials import checked_params
+from registration.calibration import Calibration
+from registration.calibration_fit import TargetScan, fit_calibration
+from registration.scan import FloatArray
+from sensors import SENSORS
+from sensors.calibration import OFFSET_Z_MM
+from sensors.card import measure_card
+from sensors.jupiter import Jupiter, JupiterParams
+from sensors.target_scans import scan_target
+
+Turn = tuple[Angle, Angle]
+Turns = Annotated[tuple[Turn, ...], Field(min_length=1)]
+RawDepths = Annotated[tuple[Length, ...], Field(min_length=2)]
+
+
+class PrecisionExperiment(Strict):
+    """What configs/precision.yaml may say; Z' as in section 3.2.2, turns about X and Y."""
+
+    experiment: Literal["precision"]
+    title: str
+    description: str = ""
+    sensor: Choice
+    scan: ScanSize
+    raw_depths_mm: RawDepths
+    turns_deg: Turns
+    unseen_raw_depths_mm: RawDepths
+    unseen_turns_deg: Turns
+    seed: int = Field(default=0, ge=0)
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """What was scanned: targets by raw depth and turn, each with the plane it stood in."""
+
+    params: JupiterParams
+    raw_depths_mm: tuple[float, ...]
+    targets: dict[tuple[float, Turn], TargetScan]
+    unseen: dict[tuple[float, Turn], TargetScan]
+
+    @property
+    def facing(self) -> list[TargetScan]:
+        """The targets parallel to X and Y, in the order of the raw depths."""
+        return [self.targets[depth, (0.0, 0.0)] for depth in self.raw_depths_mm]
+
+
+def is_precision(path: Path) -> bool:
+    """Whether a config is of this kind; False too for a file that cannot be read."""
+    try:
+        return overridden_mapping(path).get("experiment") == "precision"
+    except ConfigError:
+        return False
+
+
+def load_precision(
+    path: Path, overrides: Sequence[str] = (), seed: int | None = None
+) -> tuple[PrecisionExperiment, JupiterParams]:
+    """Read and check a config; raises ConfigError."""
+    data = overridden_mapping(path, overrides, seed)
+    experiment: PrecisionExperiment = validated(PrecisionExperiment, data, path)
+    choice = experiment.sensor
+    known = [name for name, entry in SENSORS.items() if entry.card is not None]
+    if choice.name not in known:
+        message = f"no published numbers of sensor {choice.name!r}; {nearest(choice.name, known)}"
+        raise ConfigError(path, ("sensor", "name"), message)
+    key = ("sensor", "params")
+    params = checked_params(SENSORS[choice.name].params_type, choice.params, path, key)
+    if (0.0, 0.0) not in experiment.turns_deg:
+        raise ConfigError(path, ("turns_deg",), "should hold [0, 0], the target parallel to X, Y")
+    return experiment, params
+
+
+def measure(experiment: PrecisionExperiment, params: JupiterParams) -> Measurements:
+    """Scan the flat target at all distances and turns."""
+    sensor = Jupiter(params)
+    scans: list[dict[tuple[float, Turn], TargetScan]] = []
+    for which, (depths_mm, turns) in enumerate(
+        (
+            (experiment.raw_depths_mm, experiment.turns_deg),
+            (experiment.unseen_raw_depths_mm, experiment.unseen_turns_deg),
+        )
+    ):
+        scans.append({})
+        for i, raw_mm in enumerate(depths_mm):
+            for k, turn in enumerate(turns):
+                rng = np.random.default_rng([experiment.seed, which, i, k])
+                size = experiment.scan.profiles, experiment.scan.step_mm
+                angles = np.radians(turn)
+                scans[-1][raw_mm, turn] = scan_target(
+                    sensor, OFFSET_Z_MM - raw_mm, angles[0], angles[1], *size, rng
+                )
+    return Measurements(params, experiment.raw_depths_mm, *scans)
+
+
+def run_precision(
+    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+) -> tuple[list[Table], Path]:
+    """Measure, calibrate, write tables, figures and calibration; returns the tables and the folder.
+
+    Raises ConfigError before anything is written.
+    """
+    from experiments.precision_figures import draw_precision
+
+    experiment, params = load_precision(path, overrides, seed)
+    measured = measure(experiment, params)
+    command = f"run-experiment configs/{path.name}, seed {experiment.seed}"
+    try:
+        calibration = fit_calibration(list(measured.targets.values()), f"measured by {command}")
+    except ValueError as error:
+        raise ConfigError(path, ("turns_deg",), str(error)) from None
+    tables = [
+        as_table(measure_card(params, experiment.seed), experiment.sensor.name),
+        geometry_table(),
+        forms_table(calibration),
+        residual_table(measured, calibration),
+    ]
+    folder = folder or Path("results") / path.stem
+    folder.mkdir(parents=True, exist_ok=True)
+    resolved: dict[str, Any] = experiment.model_dump(mode="json")
+    resolved["sensor"]["params"] = json.loads(json.dumps(dataclasses.asdict(params)))
+    (folder / "config.yaml").write_text(dump_yaml(resolved), encoding="utf-8")
+    facts = run_facts(code_fingerprint(()))
+    (folder / "run.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+    calibration.write(folder / "calibration.json")
+    write_tables(tables, folder / "tables")
+    draw_precision(measured, calibration, experiment.seed, folder / "figures")
+    return tables, folder
+
+
+def forms_table(calibration: Calibration) -> Table:
+    """What either form of the bias leaves, on the scans it was fitted to."""
+    frame = pd.DataFrame(
+        {
+            "Bias taken to depend on": ["nothing", "incidence", "lateral position"],
+            "Residual, rms (mm)": [
+                calibration.rms_mm[name] for name in ("uncorrected", "incidence", "lateral")
+            ],
+            "Chosen": ["", *("yes" if calibration.form == f else "" for f in FORMS)],
+        }
+    )
+    caption = (
+        "Over all points of all targets, noise included. On the target parallel to Y both forms "
+        "fit alike; the turned ones decide."
+    )
+    formats = {"Residual, rms (mm)": ".3f"}
+    return Table("bias_forms", "What the bias depends on", caption, frame, formats)
+
+
+FORMS = ("incidence", "lateral")
+
+
+def residual_table(measured: Measurements, calibration: Calibration) -> Table:
+    """Bias on targets the calibration has not seen, without and with it."""
+    rows = []
+    for (raw_mm, turn), target in measured.unseen.items():
+        known = beam_errors_mm(target, calibration, planes_known=True)
+        before, after = beam_errors_mm(target), beam_errors_mm(target, calibration)
+        rows.append([raw_mm, *turn, *(rms(e) for e in (before, after, known))])
+    numbers = [f"{name} (mm)" for name in ("Without", "With, local slopes", "With, known plane")]
+    columns = ["Z' (mm)", "Turn about X (°)", "Turn about Y (°)", *numbers]
+    formats = dict.fromkeys(numbers, ".2f") | dict.fromkeys(columns[:3], ".0f")
+    caption = (
+        "Root mean square, over the beams, of the mean error of each beam's depth: the bias, and "
+        "what is left of the noise after the mean over the profiles."
+    )
+    title = "Bias on distances and turns the calibration has not seen"
+    return Table("residual_bias", title, caption, pd.DataFrame(rows, columns=columns), formats)
+
+
+def rms(values: FloatArray) -> float:
+    """Root mean square of what is not NaN."""
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def beam_errors_mm(
+    target: TargetScan, calibration: Calibration | None = None, planes_known: bool = False
+) -> FloatArray:
+    """(pixels,) mean error of each beam's depth over the profiles, after the calibration if any.
+
+    planes_known: correct with the normal of the target instead of local slopes.
+    """
+    scan, normal = target.scan, target.normal
+    points_mm = scan.points_mm
+    if calibration is not None and planes_known:
+        slope = calibration.slopes(scan)
+        cosine = np.abs(normal[1] * slope + normal[2]) / np.sqrt(1.0 + slope**2)
+        bias_mm = calibration.bias_mm(points_mm[..., 2], slope, cosine)
+        points_mm = points_mm - bias_mm[..., None] * np.stack([0 * slope, slope, 0 * slope + 1], -1)
+    elif calibration is not None:
+        points_mm = calibration.correct(scan).points_mm
+    apex_mm = np.array([0.0, 0.0, 0.0]) if scan.apex_mm is None else scan.apex_mm
+    beams = points_mm - apex_mm
+    beams[..., 0] = 0.0
+    beams /= beams[..., 2:]
+    # Off the plane along its normal; along the beam that is as much longer as it is inclined.
+    error_mm = (points_mm @ normal - target.offset_mm) / (beams @ normal)
+    valid = np.isfinite(error_mm)
+    count = valid.sum(axis=0)
+    total = np.where(valid, error_mm, 0.0).sum(axis=0)
+    mean: FloatArray = total / np.where(count > 0, count, np.nan)
+    return mean
