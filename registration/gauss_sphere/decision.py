@@ -79,7 +79,7 @@ def judge(
             undetermined=open_directions,
             candidates=candidates[1:],
         )
-    rivals = [p for p in ranked[1:] if p.score > params.rival_share * best.score]
+    rivals = [p for p in ranked[1:] if is_rival(p, best, target, params)]
     if rivals:
         return RegistrationResult(
             transform(best),
@@ -93,6 +93,23 @@ def judge(
     return RegistrationResult(
         transform(best), "ok", covariance=covariance, candidates=candidates[1:]
     )
+
+
+def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams) -> bool:
+    """Whether a pose could be the true one in place of the best.
+
+    A symmetry makes poses alike in all: score, free space and how far planes fix them. A pose that
+    slides freely on two planes agrees with any scene; it does not question one that many planes
+    agree on to within their noise.
+    """
+    if pose.score <= params.rival_share * best.score:
+        return False
+    if pose.areas[CONTRADICTION] > params.most_contradiction * pose.areas[SUPPORT]:
+        return False
+    agreeing = np.count_nonzero(best.distance2 < params.agreeing_distance2)
+    if agreeing < params.sure_pairs:
+        return True
+    return not bool(uncertainty(pose, target, params)[1].size)
 
 
 def transform(pose: Settled) -> RigidTransform:

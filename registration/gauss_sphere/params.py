@@ -112,6 +112,8 @@ class DecisionParams:
     least_support: float = 0.08
     most_contradiction: float = 0.15
     rival_share: float = 0.75
+    sure_pairs: int = 5
+    agreeing_distance2: float = 14.0
     open_rad: float = 0.035
     open_mm: float = 10.0
     distinct_rad: float = 0.05
