@@ -15,11 +15,16 @@ import pandas as pd
 import pytest
 
 from experiments.cli import main
-from harness.config import load_experiment
+from harness.config import load_experiment, read_mapping
 from harness.store import load
 
 ROOT = Path(__file__).parents[2]
-CONFIGS = sorted((ROOT / "configs").glob("*.yaml"))
+# Those that make trials; an `experiment:` of its own, as precision.yaml, has tests of its own.
+CONFIGS = [
+    file
+    for file in sorted((ROOT / "configs").glob("*.yaml"))
+    if "experiment" not in read_mapping(file)
+]
 DESK = ROOT / "configs" / "desk.yaml"
 SMALL = ["--set", "scan.profiles=24", "--set", "repeats=1"]
 PLAIN = ["--set", "methods=[{name: thesis, figures: false}]"]
@@ -107,7 +112,9 @@ def test_another_seed_gives_other_scans(tmp_path: Path) -> None:
         assert main([str(DESK), *PLAIN, *options, *SMALL]) == 0
     first, second = (load(tmp_path / seed) for seed in ("0", "1"))
     assert set(first["id"]).isdisjoint(second["id"])
-    np.testing.assert_allclose(first["exact_x_mm"], second["exact_x_mm"])
+    # Each joint comes to rest elsewhere within its count: nearly the same poses.
+    np.testing.assert_allclose(first["exact_y_mm"], second["exact_y_mm"], atol=0.1)
+    assert not (first["exact_y_mm"] == second["exact_y_mm"]).any()
     assert (first["n_patches_target"] >= 0).all()
 
 

@@ -47,7 +47,8 @@ def refusal(file: Path, *overrides: str) -> str:
         ),
         (
             "views.left.placed_by=a.b",
-            "views.left.aim_mm: unknown key where the kind is 'placed'; known are placed_by",
+            "views.left.aim_mm: unknown key where the kind is 'placed'; known are placed_by, "
+            "beyond_reach",
         ),
         (
             "views.left={placed_by: a.b}",
