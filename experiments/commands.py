@@ -12,6 +12,7 @@ from pathlib import Path
 from rich.console import Console
 
 from experiments.cli import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK
+from experiments.precision import run_precision
 from experiments.terminal import (
     make_console,
     outcome,
@@ -26,7 +27,7 @@ from harness.runner import Done
 from harness.scoring import six_parameters
 from harness.session import Session, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load
-from harness.trials import Trial
+from harness.trials import Trial, beyond_reach
 from sensors import SENSORS
 
 REHEARSED = 3  # trials that a dry run times
@@ -54,6 +55,7 @@ def run_all(session: Session, workers: int | None, redraw: bool) -> int:
             f"reused, {workers} workers",
             markup=False,
         )
+        tell_beyond_reach(console, session)
         try:
             with reporting(console, len(planned.tasks)) as reporter:
                 for done in execute(session, store, planned, make_executor):
@@ -94,6 +96,7 @@ def dry_run(session: Session, workers: int | None) -> int:
     for trial in session.trials[:REHEARSED]:
         console.print(f"  {trial.id}  {trial_name(trial)}", markup=False, soft_wrap=True)
     console.print("  ..." if len(session.trials) > REHEARSED else "", markup=False)
+    tell_beyond_reach(console, session)
     from harness.execution import perform
 
     perform(session.trials[0])  # the first one compiles and loads, which no other has to do
@@ -172,6 +175,19 @@ def show_scene(
     return EXIT_OK
 
 
+def show_precision(
+    config: Path, folder: Path | None, overrides: Sequence[str], seed: int | None
+) -> int:
+    """Measure the sensor itself, show its card and what its calibration leaves."""
+    console = make_console()
+    start = time.perf_counter()
+    tables, written = run_precision(config, folder, overrides, seed)
+    show_tables(console, tables)
+    show_paths(console, written)
+    console.print(f"{time.perf_counter() - start:.1f} s", markup=False)
+    return EXIT_OK
+
+
 def find_trial(session: Session, identity: str) -> Trial:
     """The trial whose id begins so; raises ConfigError."""
     found = {t.id: t for t in session.trials if identity and t.id.startswith(identity)}
@@ -181,6 +197,16 @@ def find_trial(session: Session, identity: str) -> Trial:
     raise ConfigError(
         "--trial", (), f"{identity!r} {problem}; it begins with {session.trials[0].id}"
     )
+
+
+def tell_beyond_reach(console: Console, session: Session) -> None:
+    """One line for each view that is scanned without the arm, as it cannot be reached."""
+    for name, reason in beyond_reach(session.experiment, session.trials).items():
+        console.print(
+            f"View {name} is scanned from a straight line, without the arm: {reason}.",
+            markup=False,
+            soft_wrap=True,
+        )
 
 
 def tell_no_overlap(console: Console, session: Session) -> None:

@@ -6,8 +6,8 @@ import dataclasses
 import functools
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -134,12 +134,28 @@ def build_trials(experiment: Experiment, file: Path) -> tuple[Trial, ...]:
     )  # fmt: skip
 
 
+def beyond_reach(experiment: Experiment, trials: Iterable[Trial]) -> dict[str, str]:
+    """Why the arm cannot follow a view that is scanned without it, by the view's name."""
+    reasons: dict[str, str] = {}
+    if experiment.arm is None:
+        return reasons
+    arm = checked_params(ArmParams, experiment.arm, "", ("arm",))
+    for spec in (trial.spec for trial in trials):
+        for view in (spec.target, spec.source):
+            if view.arm is None and view.name not in reasons:
+                try:
+                    replace(view, arm=arm).path(spec.profiles, spec.step_mm)
+                except ReachError as error:
+                    reasons[view.name] = str(error)
+    return reasons
+
+
 def _carried(view: ViewSpec, arm: ArmParams | None, experiment: Experiment, file: Path) -> ViewSpec:
     """A view on the arm, driven once so that one out of reach is told before any scan."""
     if arm is None:
         return view
     digest = hashlib.sha256(canonical_json([experiment.seed, view.name]).encode()).digest()
-    carried = dataclasses.replace(view, arm=arm, rest_seed=int.from_bytes(digest[:6]))
+    carried = replace(view, arm=arm, rest_seed=int.from_bytes(digest[:6]))
     try:
         carried.path(experiment.scan.profiles, experiment.scan.step_mm)
     except ReachError as error:
