@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit status."""
     options = _parser().parse_args(argv)
     # Everything below imports numpy and more; help and usage errors must not wait for that.
-    from harness.config import load_experiment
+    from harness.config import experiment_kind, load_experiment
     from harness.config_errors import ConfigError
     from harness.pool import start_server
     from harness.threads import limit_threads
@@ -39,6 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if options.list:
             return _list()
+        if options.config is not None and experiment_kind(options.config) == "precision":
+            return _run_precision(options)
         if options.config is not None:
             load_experiment(options.config, options.set, options.seed)
             if not (options.dry_run or options.trial or options.show_scene):
@@ -133,6 +135,17 @@ def _list() -> int:
         text = " ".join(str(data.get("description") or data.get("title", "")).split())
         print(f"{file!s:{width}}  {text}")
     return EXIT_OK
+
+
+def _run_precision(options: argparse.Namespace) -> int:
+    from experiments import commands
+    from harness.config_errors import ConfigError
+
+    for name in ("trial", "report_only", "dry_run", "show_scene"):
+        if getattr(options, name):
+            flag = "--" + name.replace("_", "-")
+            raise ConfigError(flag, (), f"says nothing to {options.config}, which has no trials")
+    return commands.show_precision(options.config, options.out, options.set, options.seed)
 
 
 def _run(options: argparse.Namespace) -> int:

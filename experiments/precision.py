@@ -64,14 +64,6 @@ class Measurements:
         return [self.targets[depth, (0.0, 0.0)] for depth in self.raw_depths_mm]
 
 
-def is_precision(path: Path) -> bool:
-    """Whether a config is of this kind; False too for a file that cannot be read."""
-    try:
-        return overridden_mapping(path).get("experiment") == "precision"
-    except ConfigError:
-        return False
-
-
 def load_precision(
     path: Path, overrides: Sequence[str] = (), seed: int | None = None
 ) -> tuple[PrecisionExperiment, JupiterParams]:

@@ -128,6 +128,7 @@ def show_paths(console: Console, folder: Path) -> None:
     for pattern, what in (
         ("tables/*.csv", "tables as csv, md and tex"),
         ("figures/*", "figures"),
+        ("calibration.json", "bias and noise of the sensor, for registration"),
         ("scans/*.ply", "scans and merged clouds, in mm"),
         ("trials.sqlite", "one row a trial"),
         ("config.yaml", "the configuration with all defaults"),

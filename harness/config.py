@@ -13,7 +13,8 @@ import yaml
 from pydantic import ValidationError
 
 from harness.config_errors import ConfigError, Key, first_problem, nearest
-from harness.schema import Experiment
+from harness.random_schema import KIND, RandomPairsExperiment
+from harness.schema import Experiment, MethodChoice
 
 
 class _Loader(yaml.SafeLoader):
@@ -44,13 +45,17 @@ _Loader.add_implicit_resolver(
 
 def load_experiment(
     path: Path, overrides: Sequence[str] = (), seed: int | None = None
-) -> Experiment:
+) -> Experiment | RandomPairsExperiment:
     """Read, override and check an experiment; raises ConfigError with one line.
 
     overrides: "dotted.key=value", the value in YAML, applied before anything is checked.
     seed: replaces the file's.
     """
     data = overridden_mapping(path, overrides, seed)
+    if data.get("experiment") == KIND:
+        random_pairs: RandomPairsExperiment = validated(RandomPairsExperiment, data, path)
+        _check_labels(random_pairs.methods, path)
+        return random_pairs
     experiment: Experiment = validated(Experiment, data, path)
     _check_names(experiment, path)
     return experiment
@@ -66,6 +71,11 @@ def overridden_mapping(
     if seed is not None:
         data["seed"] = seed
     return data
+
+
+def experiment_kind(path: Path) -> str:
+    """What a file's key `experiment` says, "pairs" where it has none; raises ConfigError."""
+    return str(read_mapping(path).get("experiment", "pairs"))
 
 
 def read_mapping(path: Path) -> dict[str, Any]:
@@ -186,8 +196,12 @@ def _check_names(experiment: Experiment, path: Path) -> None:
                 )
         if pair.source == pair.target:
             raise ConfigError(path, ("pairs", name), "source and target are the same view")
+    _check_labels(experiment.methods, path)
+
+
+def _check_labels(methods: Sequence[MethodChoice], path: Path) -> None:
     labels: set[str] = set()
-    for index, method in enumerate(experiment.methods):
+    for index, method in enumerate(methods):
         label = method.label or method.name
         if label in labels:
             raise ConfigError(

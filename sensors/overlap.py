@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from registration.scan import FloatArray, IntArray
+from registration.scan import BoolArray, FloatArray, IntArray
 from scenes.rays import cast_rays
 from scenes.scene import Scene
 from sensors.paths import ViewPath
@@ -27,7 +26,7 @@ def overlap(sensor: Sensor, scene: Scene, path_a: ViewPath, path_b: ViewPath) ->
 
 def seen(
     sensor: Sensor, scene: Scene, path: ViewPath, points_mm: FloatArray, surface: IntArray
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Whether a view sees each point: in its swept field and range, and not occluded.
 
     points_mm: (n, 3) world coordinates on the scene's surfaces; surface: (n,) index of each.
