@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 from registration.gauss_sphere import pipeline as gauss_sphere
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.peers import PEERS
+from registration.planar import pipeline as planar
+from registration.planar.params import PlanarParams
 from registration.result import RegistrationResult
 from registration.scan import Scan
 from registration.thesis import pipeline as thesis
@@ -35,20 +37,26 @@ METHODS: dict[str, Method] = {
     **{name: Method(peer.function, peer.params_type) for name, peer in PEERS.items()},
 }
 
+# They take one profile of each view and find the pose in the laser plane.
+PROFILE_METHODS: dict[str, Method] = {
+    "planar": Method(planar.register_profiles, PlanarParams),
+}
+
 
 def find_method(name: str) -> Method:
-    """Look a method up by its name in METHODS, or by "package.module:function".
+    """Look a method up by its name in METHODS or PROFILE_METHODS, or by "package.module:function".
 
     A function of one's own is called as function(target, source, params); an attribute
     `params_type` of it, a dataclass, is taken as the type of its parameters, else `dict`.
     Raises UnknownMethodError.
     """
-    if name in METHODS:
-        return METHODS[name]
+    known = METHODS | PROFILE_METHODS
+    if name in known:
+        return known[name]
     module_name, colon, function_name = name.partition(":")
     if not colon:
         raise UnknownMethodError(
-            f"unknown method {name!r}; known are {', '.join(METHODS)}, or a function of your own "
+            f"unknown method {name!r}; known are {', '.join(known)}, or a function of your own "
             'as "package.module:function"'
         )
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.methods import METHODS, register
+from registration.methods import METHODS, PROFILE_METHODS, register
 from registration.peers import PEERS
 from registration.scan import Scan
 
@@ -20,3 +20,5 @@ def corner_scan(profiles: int = 24, pixels: int = 64) -> Scan:
 if __name__ == "__main__":
     for name in METHODS.keys() - PEERS.keys():
         register(corner_scan(), corner_scan(), method=name)
+    for name in PROFILE_METHODS:
+        register(corner_scan(profiles=1), corner_scan(profiles=1), method=name)
