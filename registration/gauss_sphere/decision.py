@@ -70,6 +70,20 @@ def judge(
             f"{against:.0%} of the surface it matches; {params.most_contradiction:.0%} are allowed",
             candidates=candidates,
         )
+    agreeing = agreeing_planes(best, target, params)
+    plain = against <= params.plain_contradiction
+    if not (
+        agreeing >= params.sure_planes
+        or (plain and agreeing == params.sure_planes - 1)
+        or (plain and share >= params.plain_support)
+    ):
+        return RegistrationResult(
+            None,
+            "failed",
+            f"{agreeing} planes agree on {share:.0%} of the seen surface, as planes of unrelated "
+            f"scenes may; {params.sure_planes} are needed, or {params.plain_support:.0%}",
+            candidates=candidates,
+        )
     covariance, open_directions, reason = uncertainty(best, target, params)
     if open_directions.shape[0]:
         return RegistrationResult(
@@ -95,6 +109,22 @@ def judge(
     )
 
 
+def agreeing_planes(pose: Settled, target: View, params: DecisionParams) -> int:
+    """Number of different planes that agree within their noise: pieces of one plane are one."""
+    normals: list[FloatArray] = []
+    offsets: list[float] = []
+    for i in pose.pairs[pose.distance2 < params.agreeing_distance2, 0]:
+        normal, offset = target.patches.normal[i], float(target.patches.offset_mm[i])
+        if all(
+            np.linalg.norm(normal - n) > params.same_plane_rad
+            or abs(offset - d) > params.same_plane_mm
+            for n, d in zip(normals, offsets, strict=True)
+        ):
+            normals.append(normal)
+            offsets.append(offset)
+    return len(normals)
+
+
 def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams) -> bool:
     """Whether a pose could be the true one in place of the best.
 
@@ -106,8 +136,7 @@ def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams)
         return False
     if pose.areas[CONTRADICTION] > params.most_contradiction * pose.areas[SUPPORT]:
         return False
-    agreeing = np.count_nonzero(best.distance2 < params.agreeing_distance2)
-    if agreeing < params.sure_pairs:
+    if agreeing_planes(best, target, params) < params.sure_planes:
         return True
     return not bool(uncertainty(pose, target, params)[1].size)
 

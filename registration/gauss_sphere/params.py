@@ -112,8 +112,12 @@ class DecisionParams:
     least_support: float = 0.08
     most_contradiction: float = 0.15
     rival_share: float = 0.75
-    sure_pairs: int = 5
+    sure_planes: int = 5
+    plain_contradiction: float = 0.02
+    plain_support: float = 0.3
     agreeing_distance2: float = 14.0
+    same_plane_rad: float = 0.03
+    same_plane_mm: float = 5.0
     open_rad: float = 0.035
     open_mm: float = 10.0
     distinct_rad: float = 0.05
