@@ -65,11 +65,15 @@ def pair_pose(
     return dphi, dx, dy
 
 
-def planar_transform(dphi_rad: float, shift_mm: ArrayLike) -> RigidTransform:
-    """T_target_source in mm of a motion in the plane: a turn about X by -dphi, and a shift."""
-    y_mm, z_mm = np.asarray(shift_mm, dtype=np.float64)
-    turn = Rotation.from_rotvec([-dphi_rad, 0.0, 0.0])
-    return RigidTransform.from_components([0.0, y_mm, z_mm], turn)
+def planar_transform(pose: ArrayLike) -> RigidTransform:
+    """T_target_source in mm of a motion in the plane: a turn about X by -dphi, and a shift.
+
+    pose: (3,) or (n, 3) dphi in rad, dx and dy in mm, as in (4-1) to (4-3).
+    """
+    along_x = np.array([1.0, 0.0, 0.0])
+    p = np.asarray(pose, dtype=np.float64)
+    shift_mm = p * (1.0 - along_x)
+    return RigidTransform.from_components(shift_mm, Rotation.from_rotvec(-p * along_x))
 
 
 def wrapped(angle_rad: ArrayLike) -> FloatArray:

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from registration.planar.circle import GaussCircle, gauss_circle, planar_transform, wrapped
 from registration.planar.overlap import Matches, line_table, matches_under
@@ -16,7 +15,7 @@ from registration.planar.params import PlanarParams
 from registration.planar.refine import averaged, laid_on_lines
 from registration.planar.search import Ranking, rank_poses
 from registration.result import Candidate, RegistrationResult, Status
-from registration.scan import FloatArray, Scan
+from registration.scan import Scan
 from registration.thesis.preprocess import preprocess
 from registration.thesis.segments import Segments, find_segments
 
@@ -73,7 +72,8 @@ def register_segments(
     tolerances = params.angle_tolerance_rad, params.offset_tolerance_mm
     matches = matches_under(*lines, best, *tolerances)
     circles = gauss_circle(target), gauss_circle(source)
-    status, reason = _verdict(ranking, circles, params)
+    rivals = ranking.rivals(params)
+    status, reason = _verdict(ranking, rivals, circles, params)
     pose = None
     if status in ("ok", "ambiguous"):
         pose = best
@@ -88,20 +88,20 @@ def register_segments(
         along = np.array([0.0, 0.0, 0.0, 0.0, -matches.normal[0, 1], matches.normal[0, 0]])
         undetermined = np.vstack([OUT_OF_PLANE, along])
     return RegistrationResult(
-        None if pose is None else _transform(pose),
+        None if pose is None else planar_transform(pose),
         status,
         reason,
         undetermined=undetermined.copy(),
-        candidates=tuple(
-            Candidate(_transform(ranking.pose[k]), float(ranking.overlap_mm[k]))
-            for k in ranking.rivals(params)
-        ),
+        candidates=_candidates(ranking, rivals),
         evidence={"planar": PlanarEvidence((target, source), circles, matches)},
     )
 
 
 def _verdict(
-    ranking: Ranking, circles: tuple[GaussCircle, GaussCircle], params: PlanarParams
+    ranking: Ranking,
+    rivals: list[int],
+    circles: tuple[GaussCircle, GaussCircle],
+    params: PlanarParams,
 ) -> tuple[Status, str]:
     """Whether to believe the pose that won."""
     empty = [name for name, c in zip(("target", "source"), circles, strict=True) if len(c) == 0]
@@ -123,7 +123,7 @@ def _verdict(
             f"the segments of the best pose overlap by {share[0]:.0%} of the shorter profile; "
             f"{params.min_overlap:.0%} are needed to believe it"
         )
-    for k in ranking.rivals(params)[:1]:
+    for k in rivals[:1]:
         if (
             ranking.overlap_mm[k] >= (1.0 - params.tie_margin) * ranking.overlap_mm[0]
             and ranking.parallel[k] == ranking.parallel[0]
@@ -136,8 +136,12 @@ def _verdict(
     return "ok", ""
 
 
-def _transform(pose: FloatArray) -> RigidTransform:
-    return planar_transform(pose[0], pose[1:])
+def _candidates(ranking: Ranking, rivals: list[int]) -> tuple[Candidate, ...]:
+    if not rivals:
+        return ()
+    poses = planar_transform(ranking.pose[rivals])  # at once, which is quicker than one by one
+    scores = ranking.overlap_mm[rivals].tolist()
+    return tuple(Candidate(poses[k], score) for k, score in enumerate(scores))
 
 
 @contextmanager

@@ -46,7 +46,7 @@ def test_the_corrected_equations_are_those_of_scipy(seed: int) -> None:
         pose.rotation.apply(normal)[1:], normal[1:], pose.apply(centroid)[1:], centroid[1:]
     )
     assert -np.pi < dphi <= np.pi
-    found = planar_transform(float(dphi), [dx, dy])
+    found = planar_transform([dphi, dx, dy])
     assert max(difference(found, pose)) < 1e-9
 
 
