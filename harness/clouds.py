@@ -29,13 +29,13 @@ def write_clouds(pair: PairView, folder: Path) -> list[Path]:
     ):
         if scan.n_valid:
             path = folder / f"{file_slug(view)}.ply"
-            files.append(_write(path, [measured_points(scan)], [rgb]))
+            files.append(write_cloud(path, [measured_points(scan)], [rgb]))
     pose = pair.result.T_target_source
     if pose is not None and pair.target.n_valid and pair.source.n_valid:
         moved = pose.apply(measured_points(pair.source))
         path = folder / f"{pair.slug}_merged.ply"
         points = [measured_points(pair.target), moved]
-        files.append(_write(path, points, [TARGET_RGB, SOURCE_RGB]))
+        files.append(write_cloud(path, points, [TARGET_RGB, SOURCE_RGB]))
     return files
 
 
@@ -45,7 +45,9 @@ def measured_points(scan: Scan) -> FloatArray:
     return points
 
 
-def _write(path: Path, points_mm: list[FloatArray], rgb: list[tuple[int, int, int]]) -> Path:
+def write_cloud(path: Path, points_mm: list[FloatArray], rgb: list[tuple[int, int, int]]) -> Path:
+    """Write clouds (n, 3) in mm, each in its colour, as one binary PLY file; returns the path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     colours = np.repeat(np.array(rgb, dtype=np.uint8), [len(p) for p in points_mm], axis=0)
     cloud = trimesh.PointCloud(np.concatenate(points_mm), colors=colours)
     # Two workers may write one view at a time: each writes a file of its own and moves it there.

@@ -68,7 +68,9 @@ def save_picture(
         name: [np.asarray(line, dtype=float) / 1000.0 for line in lines]
         for name, lines in (views or {}).items()
     }
-    camera = _camera_on(scene, outlines, yaw_deg, pitch_deg, size_px)
+    points_m = [s.polygon_m for s in scene.surfaces]
+    points_m += [line for lines in outlines.values() for line in lines]
+    camera = camera_on(np.concatenate(points_m), yaw_deg, pitch_deg, size_px)
     figure = Figure(figsize=(size_px[0] / 100.0, size_px[1] / 100.0), dpi=100)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -85,21 +87,17 @@ def _cycle(count: int) -> list[str]:
     return [VIEW_COLOURS[i % len(VIEW_COLOURS)] for i in range(count)]
 
 
-def _camera_on(
-    scene: Scene,
-    outlines: Mapping[str, list[FloatArray]],
+def camera_on(
+    points_m: FloatArray,
     yaw_deg: float,
     pitch_deg: float,
     size_px: tuple[int, int],
+    half_width: float = 0.32,
 ) -> Camera:
-    """Place the camera as near as it can be with everything in the picture."""
+    """Place a camera as near as it can be with all points (n, 3) in the picture."""
     facing = Rotation.from_euler("ZY", [yaw_deg, pitch_deg], degrees=True).as_matrix()
     rotation = np.stack([-facing[:, 1], -facing[:, 2], facing[:, 0]], axis=1)
-    points_m = np.concatenate(
-        [s.polygon_m for s in scene.surfaces]
-        + [line for lines in outlines.values() for line in lines]
-    )
-    half = np.array([0.32, 0.32 * size_px[1] / size_px[0]])
+    half = half_width * np.array([1.0, size_px[1] / size_px[0]])
     seen = points_m @ rotation
     # A point at `side` of the axis is inside when side <= 0.94 half (distance + depth).
     slope = 0.94 * half

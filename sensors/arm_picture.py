@@ -1,45 +1,30 @@
-"""Pictures of the arm before a scene: how it stands for each view, and the lines it drives."""
+"""The arm before a scene as faces to draw, and as a model that tells where it would touch it."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping
-
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from scenes.scene import Scene
+from scenes.materials import MATERIALS
+from scenes.raster import Polygons, joined
+from scenes.scene import FloatArray, Scene
 from sensors import f3
 from sensors.arm import ArmParams, ArmPath
 
-Image = NDArray[np.uint8]
-
-LINE_RGBA = ((0.84, 0.15, 0.16, 1), (0.17, 0.63, 0.17, 1), (0.12, 0.47, 0.71, 1), (1, 0.5, 0.05, 1))
+PREFIX = "arm/"
+CYLINDER_SIDES = 40
 
 
 def model_with_arm(scene: Scene, params: ArmParams) -> mujoco.MjModel:
-    """Compile a scene with the arm on its track; the arm's joints are named "arm/..."."""
+    """Compile a scene with the arm on its track; names of the arm begin with PREFIX."""
     spec = scene.spec.copy()
     T_world_base = params.T_world_base
     frame = spec.worldbody.add_frame(
         pos=T_world_base.translation / 1000.0,
         quat=T_world_base.rotation.as_quat(scalar_first=True),
     )
-    spec.attach(f3.model_spec(), prefix="arm/", frame=frame)
-    spec.visual.global_.offwidth = spec.visual.global_.offheight = 2000
-    spec.visual.headlight.ambient = [0.45, 0.45, 0.45]
-    spec.visual.headlight.diffuse = [0.55, 0.55, 0.55]
-    white = [1.0, 1.0, 1.0]
-    spec.add_texture(
-        name="arm_picture_sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=white,
-        rgb2=white,
-        width=64,
-        height=64,
-    )
+    spec.attach(f3.model_spec(), prefix=PREFIX, frame=frame)
     return spec.compile()
 
 
@@ -51,54 +36,55 @@ def place_arm(model: mujoco.MjModel, path: ArmPath, profile: int) -> mujoco.MjDa
     return data
 
 
-def picture(
-    scene: Scene,
-    params: ArmParams,
-    path: ArmPath,
-    paths: Mapping[str, ArmPath],
-    size_px: tuple[int, int] = (900, 700),
-) -> Image:
-    """Render (height, width, 3) the arm half-way along one path, with all viewing lines drawn.
-
-    paths: the lines to draw, in the order of LINE_RGBA; of each, the named ball is the first
-    profile, the arrow the optical axis half-way. Needs a graphics library that MuJoCo can draw
-    with (off-screen: the environment variable MUJOCO_GL=egl).
-    """
+def faces_before(scene: Scene, params: ArmParams, path: ArmPath, profile: int) -> Polygons:
+    """All faces of a scene and of the arm as it stands at one profile of a path."""
     model = model_with_arm(scene, params)
-    data = place_arm(model, path, path.profiles // 2)
-    camera = mujoco.MjvCamera()
-    points_m = np.concatenate([p.T_world_profile.translation for p in paths.values()]) / 1000.0
-    camera.lookat = 0.5 * (points_m.min(axis=0) + points_m.max(axis=0)) + [0.15, 0.0, -0.2]
-    camera.distance, camera.azimuth, camera.elevation = 2.6, 35.0, -25.0
-    with mujoco.Renderer(model, height=size_px[1], width=size_px[0]) as renderer:
-        renderer.update_scene(data, camera)
-        for (name, line), rgba in zip(paths.items(), itertools.cycle(LINE_RGBA), strict=False):
-            _draw_line(renderer.scene, name, line, rgba)
-        image: Image = renderer.render().copy()
-    return image
+    data = place_arm(model, path, profile)
+    return joined([scene_faces(scene), _arm_faces(model, data)])
 
 
-def _draw_line(scene: mujoco.MjvScene, name: str, path: ArmPath, rgba: tuple[float, ...]) -> None:
-    places_m = path.T_world_profile.translation / 1000.0
-    middle = path.T_world_profile[path.profiles // 2]
-    ahead_m = middle.apply([0.0, 0.0, 400.0]) / 1000.0
-    _add(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, places_m[0], places_m[-1], 0.008, rgba)
-    _add(scene, mujoco.mjtGeom.mjGEOM_ARROW, middle.translation / 1000.0, ahead_m, 0.008, rgba)
-    _add(scene, mujoco.mjtGeom.mjGEOM_SPHERE, places_m[0], None, 0.02, rgba)
-    scene.geoms[scene.ngeom - 1].label = name
+def scene_faces(scene: Scene) -> Polygons:
+    """All faces of a scene in the colours of their materials."""
+    surfaces = scene.surfaces
+    rgb = np.array([MATERIALS[surface.material].rgb for surface in surfaces])
+    return Polygons(tuple(s.polygon_m for s in surfaces), rgb, np.arange(len(surfaces)))
 
 
-def _add(
-    scene: mujoco.MjvScene,
-    kind: int,
-    start_m: NDArray[np.float64],
-    end_m: NDArray[np.float64] | None,
-    width_m: float,
-    rgba: tuple[float, ...],
-) -> None:
-    geom = scene.geoms[scene.ngeom]
-    scene.ngeom += 1
-    colour = np.array(rgba, dtype=np.float32)
-    mujoco.mjv_initGeom(geom, kind, np.full(3, width_m), start_m, np.eye(3).ravel(), colour)
-    if end_m is not None:
-        mujoco.mjv_connector(geom, kind, width_m, start_m, end_m)
+def _arm_faces(model: mujoco.MjModel, data: mujoco.MjData) -> Polygons:
+    corners_m: list[FloatArray] = []
+    rgb, body = [], []
+    for geom in range(model.ngeom):
+        if not model.body(int(model.geom_bodyid[geom])).name.startswith(PREFIX):
+            continue
+        pose = RigidTransform.from_components(
+            data.geom_xpos[geom], Rotation.from_matrix(data.geom_xmat[geom].reshape(3, 3))
+        )
+        round_side = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER
+        if not round_side and model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_BOX:
+            raise ValueError("the arm's model holds a geom that is neither a box nor a cylinder")
+        outline, half_height_m = _outline(model.geom_size[geom], round_side)
+        faces = _drawn_out(outline, half_height_m)
+        corners_m += [pose.apply(face) for face in faces]
+        rgb += [model.geom_rgba[geom, :3]] * len(faces)
+        start = body[-1] + 1 if body else 0
+        # The narrow faces round a cylinder meet without a line; its ends come last.
+        sides = [0] * len(outline) if round_side else list(range(len(outline)))
+        body += [start + part for part in (*sides, sides[-1] + 1, sides[-1] + 2)]
+    return Polygons(tuple(corners_m), np.array(rgb, dtype=np.float64), np.array(body))
+
+
+def _outline(size_m: FloatArray, round_side: bool) -> tuple[FloatArray, float]:
+    """Corners (k, 2) of a geom across its Z, counter-clockwise, and half of its height."""
+    if round_side:
+        turn = 2.0 * np.pi * np.arange(CYLINDER_SIDES) / CYLINDER_SIDES
+        return size_m[0] * np.stack([np.cos(turn), np.sin(turn)], axis=1), float(size_m[1])
+    return size_m[:2] * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]), float(size_m[2])
+
+
+def _drawn_out(outline_m: FloatArray, half_height_m: float) -> list[FloatArray]:
+    """The faces between an outline and its copy above: the sides, then bottom and top."""
+    low = np.column_stack([outline_m, np.full(len(outline_m), -half_height_m)])
+    high = low * np.array([1.0, 1.0, -1.0])
+    following = np.roll(np.arange(len(outline_m)), -1)
+    sides = [np.array([low[i], low[j], high[j], high[i]]) for i, j in enumerate(following.tolist())]
+    return [*sides, low[::-1], high]
