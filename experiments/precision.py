@@ -117,7 +117,7 @@ def run_precision(
     measured = measure(experiment, params)
     command = f"run-experiment configs/{path.name}, seed {experiment.seed}"
     try:
-        calibration = fit_calibration(list(measured.targets.values()), f"measured by {command}")
+        calibration = fit_calibration(list(measured.targets.values()), command)
     except ValueError as error:
         raise ConfigError(path, ("turns_deg",), str(error)) from None
     tables = [

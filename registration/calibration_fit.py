@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from registration.calibration import Calibration, Table, cell
 from registration.scan import FloatArray, Scan
 
-DEPTHS = 10
+APART_MM, MOST_DEPTHS = 30.0, 16  # distances closer than that are one; beyond 16, even steps
+BINS = 10
 MARGIN_MM = 10.0  # beyond the nearest and the farthest target
 # Tangents of incidence: dense where a flat target's own profile lies, then up to 72 degrees.
 TANGENTS = np.array([*np.linspace(0.0, 0.26, 14), 0.32, 0.40, 0.55, 0.80, 1.2, 1.8, 3.0])
@@ -21,6 +23,7 @@ SIGMA_TANGENTS = np.array([0.0, 0.25, 0.6, 1.0, 1.6, 2.4, 3.5])
 SLOPES = 27
 # Weight of a table's second differences beside the data: it fills nodes where nothing was measured.
 STIFFNESS, SIGMA_STIFFNESS = 1e-5, 1e-3
+ALONG_DEPTH = 30.0  # how much more it weighs along depth, where the bias changes more evenly
 
 
 @dataclass(frozen=True)
@@ -55,16 +58,16 @@ def fit_calibration(targets: Sequence[TargetScan], measured_by: str = "") -> Cal
     two distances or no tilt make that impossible.
     """
     apex_mm = beam_apex_mm([target.scan for target in targets])
-    samples = _samples(targets, apex_mm)
+    samples, depths_mm = _samples(targets, apex_mm)
     slopes = np.linspace(samples.slope.min(), samples.slope.max(), SLOPES)
     if np.abs(samples.tangent - np.abs(samples.slope)).max() < 0.05:
         raise ValueError(
             "no target is tilted: whether the bias depends on incidence or on lateral position "
             "shows only on a tilted one; add scans of it turned by some 20 degrees"
         )
-    depths_mm = np.linspace(samples.depth_mm.min(), samples.depth_mm.max(), DEPTHS)
     tangents = TANGENTS[: np.searchsorted(TANGENTS, samples.tangent.max()) + 1]
-    scale = _spread_by_depth(samples, depths_mm)
+    spread_law = _spread_law(samples)
+    scale = spread_law(samples.depth_mm)
     tables = {
         "incidence": _fitted(
             samples.depth_mm, samples.tangent, samples.error_mm, scale, depths_mm, tangents
@@ -87,23 +90,26 @@ def fit_calibration(targets: Sequence[TargetScan], measured_by: str = "") -> Cal
         name: float(np.sqrt(np.mean(r**2)))
         for name, r in {"uncorrected": samples.error_mm, **left}.items()
     }
-    sigma = _noise_table(samples, left[form], scale, depths_mm)
+    sigma = _noise_table(samples, left[form], spread_law, depths_mm)
     return Calibration(form, apex_mm, tables[form], sigma, measured_by, rms_mm)
 
 
 def _noise_table(
-    samples: _Samples, residual_mm: FloatArray, scale: FloatArray, depths_mm: FloatArray
+    samples: _Samples,
+    residual_mm: FloatArray,
+    spread_law: Callable[[FloatArray], FloatArray],
+    depths_mm: FloatArray,
 ) -> Table:
     """Standard deviation by depth and incidence; what is 5 times the usual counts as that."""
     nodes = SIGMA_TANGENTS[: np.searchsorted(SIGMA_TANGENTS, samples.tangent.max()) + 1]
-    variance = np.clip(residual_mm / scale, -5.0, 5.0) ** 2
-    # Relative to the noise at each depth: that varies little, and stays above 0 in between.
-    ratio = _fitted(
-        samples.depth_mm, samples.tangent, variance, np.ones_like(scale), depths_mm, nodes,
+    # Relative to the first idea: that varies little, and stays above 0 in between.
+    ratio = np.clip(residual_mm / spread_law(samples.depth_mm), -5.0, 5.0) ** 2
+    table = _fitted(
+        samples.depth_mm, samples.tangent, ratio, np.ones(len(ratio)), depths_mm, nodes,
         SIGMA_STIFFNESS,
     )  # fmt: skip
-    by_node = _spread_by_depth(samples, depths_mm, at_nodes=True)
-    return Table(depths_mm, nodes, by_node[:, None] * np.sqrt(np.maximum(ratio.value_mm, 0.01)))
+    factor = np.sqrt(np.maximum(table.value_mm, 0.01))
+    return Table(depths_mm, nodes, spread_law(depths_mm)[:, None] * factor)
 
 
 def beam_apex_mm(scans: Sequence[Scan]) -> FloatArray:
@@ -132,8 +138,11 @@ def beam_apex_mm(scans: Sequence[Scan]) -> FloatArray:
     return np.array([0.0, y_apex, z_apex])
 
 
-def _samples(targets: Sequence[TargetScan], apex_mm: FloatArray) -> _Samples:
-    """All points from the nearest target's middle to the farthest's."""
+def _samples(targets: Sequence[TargetScan], apex_mm: FloatArray) -> tuple[_Samples, FloatArray]:
+    """All points from the nearest target's middle to the farthest's, and the depths of targets.
+
+    Tables have their nodes at these depths: in between, targets without tilt show nothing.
+    """
     columns, middles_mm = [], []
     for target in targets:
         points_mm = target.scan.points_mm[target.scan.valid]
@@ -150,24 +159,40 @@ def _samples(targets: Sequence[TargetScan], apex_mm: FloatArray) -> _Samples:
     # By the true depth: a cut by the measured one would keep errors of one sign.
     true_mm = samples[0] - samples[3] - apex_mm[2]  # from the apex, as the middles
     inside = (true_mm > min(middles_mm) - MARGIN_MM) & (true_mm < max(middles_mm) + MARGIN_MM)
-    return _Samples(*samples[:, inside])
+    middles = np.sort(middles_mm) + apex_mm[2]
+    groups = np.split(middles, np.flatnonzero(np.diff(middles) > APART_MM) + 1)
+    depths_mm = np.array([group.mean() for group in groups])
+    if len(depths_mm) > MOST_DEPTHS:
+        depths_mm = np.linspace(depths_mm[0], depths_mm[-1], MOST_DEPTHS)
+    if len(depths_mm) < 2:
+        raise ValueError("all targets stand at one distance; a calibration needs two at least")
+    return _Samples(*samples[:, inside]), depths_mm
 
 
-def _spread_by_depth(
-    samples: _Samples, depths_mm: FloatArray, at_nodes: bool = False
-) -> FloatArray:
-    """A first idea of the noise: how much errors of successive points differ, by depth.
+def _spread_law(samples: _Samples) -> Callable[[FloatArray], FloatArray]:
+    """A first idea of the noise by depth, from how much errors of successive points differ.
 
-    For each sample (n,), or for each depth. The bias changes little from point to point.
+    The bias changes little from point to point. The logarithm is fitted by a parabola in the
+    depth, which follows any power of the distance closely and never reaches 0.
     """
-    nearest = np.abs(samples.depth_mm[:, None] - depths_mm).argmin(axis=1)
-    spread = np.ones(len(depths_mm))
-    for node in range(len(depths_mm)):
-        differences = np.diff(samples.error_mm[nearest == node])
-        if len(differences) > 10:
-            spread[node] = 1.4826 * float(np.median(np.abs(differences))) / np.sqrt(2.0)
-    spread = np.maximum(spread, 1e-3)
-    return spread if at_nodes else spread[nearest]
+    edges = np.linspace(samples.depth_mm.min(), samples.depth_mm.max() + 1e-6, BINS + 1)
+    bin_of = np.digitize(samples.depth_mm, edges) - 1
+    depths_mm, spreads_mm = [], []
+    for k in range(BINS):
+        here = bin_of == k
+        if here.sum() < 30:
+            continue
+        differences = np.abs(np.diff(samples.error_mm[here]))
+        depths_mm.append(samples.depth_mm[here].mean())
+        spreads_mm.append(max(1.4826 * float(np.median(differences)) / np.sqrt(2.0), 1e-3))
+    law = Polynomial.fit(depths_mm, np.log(spreads_mm), min(2, len(depths_mm) - 1))
+
+    def spread_mm(depth_mm: FloatArray) -> FloatArray:
+        inside = np.clip(depth_mm, depths_mm[0], depths_mm[-1])
+        value: FloatArray = np.exp(law(inside))
+        return value
+
+    return spread_mm
 
 
 def _fitted(
@@ -197,17 +222,18 @@ def _fitted(
     )
     normal = matrix.T @ matrix
     weight = stiffness * float(normal.diagonal().mean())
-    for bending in (
-        sparse.kron(_second_differences(depths_mm), sparse.identity(columns)),
-        sparse.kron(sparse.identity(rows), _second_differences(nodes)),
-    ):
-        normal = normal + weight * (bending.T @ bending)
+    along_depth = sparse.kron(_second_differences(depths_mm), sparse.identity(columns))
+    along_at = sparse.kron(sparse.identity(rows), _second_differences(nodes))
+    for factor, bending in ((ALONG_DEPTH, along_depth), (1.0, along_at)):
+        normal = normal + factor * weight * (bending.T @ bending)
     found = spsolve(normal.tocsc(), matrix.T @ (value / scale))
     return Table(depths_mm, nodes, np.asarray(found).reshape(rows, columns))
 
 
 def _second_differences(nodes: FloatArray) -> sparse.csr_matrix:
     """Change of the slope from node to node, as if nodes were a unit apart on average."""
+    if len(nodes) < 3:
+        return sparse.csr_matrix((1, len(nodes)))
     inverse = np.diff(nodes).mean() / np.diff(nodes)
     before, after = inverse[:-1], inverse[1:]
     shape = (len(nodes) - 2, len(nodes))

@@ -9,11 +9,12 @@ import numpy as np
 from registration.kernels import compiled
 from registration.scan import FloatArray
 
-PROFILES, PIXELS = 5, 10  # neighbours on either side that may take part
-RADIUS_MM = 25.0  # and how far away they may lie
-STEEPEST = 4.0  # depth over distance beyond which a neighbour is on another surface
+# Three fits, each to points farther around: how many profiles and pixels to either side, and
+# within which distance.
+PROFILES, PIXELS, RADII_MM = (2, 3, 5), (5, 8, 10), (10.0, 16.0, 25.0)
+STEEPEST = 4.0  # depth over distance beyond which a neighbour of the first is on another surface
 NOISE_MM = 6.0  # and what noise may add to that
-CLOSE_MM = 4.0  # largest residual with which a neighbour stays in the second fit
+CLOSE_MM = 4.0  # largest distance from the last fit with which a neighbour takes part in the next
 FEWEST = 6
 
 
@@ -35,9 +36,9 @@ def local_planes(points_mm: FloatArray) -> LocalPlanes:
     """Fit a plane around each point of a scan.
 
     points_mm: (profiles, pixels, 3), NaN where nothing was measured.
-    By least squares over the points within 25 mm, 5 profiles and 10 pixels, twice, the second time
-    without what lies off the plane. Where fewer than 6 points are near, the inclination is 0;
-    along X it is 0 too where there is a single profile.
+    By least squares over the points within 25 mm, 5 profiles and 10 pixels, grown from fewer:
+    what lies off the plane of the nearer points takes no part. Where fewer than 6 points are near,
+    the inclination is 0; along X it is 0 too where there is a single profile.
     """
     return LocalPlanes(*np.moveaxis(_local_planes(np.ascontiguousarray(points_mm)), 2, 0))
 
@@ -51,20 +52,21 @@ def _local_planes(points_mm: FloatArray) -> FloatArray:
             x0, y0, z0 = points_mm[k, i]
             if np.isnan(z0):
                 continue
-            level, along, across, middle, spread = 0.0, 0.0, 0.0, 0.0, 0.0
-            for attempt in range(2):
+            fitted, level, along, across, middle, spread = False, 0.0, 0.0, 0.0, 0.0, 0.0
+            for attempt in range(3):
+                reach, width, radius_mm = PROFILES[attempt], PIXELS[attempt], RADII_MM[attempt]
                 n, sx, sy, sz = 0, 0.0, 0.0, 0.0
                 sxx, sxy, syy, sxz, syz = 0.0, 0.0, 0.0, 0.0, 0.0
-                for j in range(max(k - PROFILES, 0), min(k + PROFILES + 1, profiles)):
-                    for m in range(max(i - PIXELS, 0), min(i + PIXELS + 1, pixels)):
+                for j in range(max(k - reach, 0), min(k + reach + 1, profiles)):
+                    for m in range(max(i - width, 0), min(i + width + 1, pixels)):
                         z = points_mm[j, m, 2] - z0
                         if np.isnan(z):
                             continue
                         x, y = points_mm[j, m, 0] - x0, points_mm[j, m, 1] - y0
                         squared = x * x + y * y
-                        if squared > RADIUS_MM * RADIUS_MM:
+                        if squared > radius_mm * radius_mm:
                             continue
-                        if attempt == 0:
+                        if not fitted:
                             if abs(z) > NOISE_MM + STEEPEST * np.sqrt(squared):
                                 continue
                         elif abs(z - level - along * x - across * y) > CLOSE_MM:
@@ -79,7 +81,8 @@ def _local_planes(points_mm: FloatArray) -> FloatArray:
                         sxz += x * z
                         syz += y * z
                 if n < FEWEST:
-                    break
+                    continue  # farther around there may be enough
+                fitted = True
                 vxx, vxy, vyy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
                 vxz, vyz = sxz - sx * sz / n, syz - sy * sz / n
                 # A hair of damping: 0 along a direction in which the points do not spread.
