@@ -24,10 +24,11 @@ from experiments.terminal import (
 from harness.config_errors import ConfigError, nearest
 from harness.pool import process_pool
 from harness.runner import Done
+from harness.schema import Experiment
 from harness.scoring import six_parameters
 from harness.session import Session, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load
-from harness.trials import Trial, beyond_reach
+from harness.trials import Trial, beyond_reach, full_specs
 from sensors import SENSORS
 
 REHEARSED = 3  # trials that a dry run times
@@ -160,13 +161,17 @@ def show_scene(
     params, outlines = SCENES[name].params_type(), None
     if config is not None:
         session = open_session(config, folder, overrides)
-        spec = session.trials[0].spec
+        specs = full_specs(session.trials)
+        if not specs:
+            message = f"{config} draws its views while it runs; leave it out to see the scene"
+            raise ConfigError("--show-scene", (), message)
+        spec = specs[0]
         if spec.scene.name != name:
             message = f"{config} has scene {spec.scene.name!r}, not {name!r}"
             raise ConfigError("--show-scene", (), message)
         params = spec.scene.params
         sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
-        views = {view.name: view for t in session.trials for view in (t.spec.source, t.spec.target)}
+        views = {view.name: view for each in specs for view in (each.source, each.target)}
         outlines = {key: sensor.outline(spec.path(view)) for key, view in views.items()}
     path = (folder or Path("results") / "scenes") / f"{name}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -201,6 +206,8 @@ def find_trial(session: Session, identity: str) -> Trial:
 
 def tell_beyond_reach(console: Console, session: Session) -> None:
     """One line for each view that is scanned without the arm, as it cannot be reached."""
+    if not isinstance(session.experiment, Experiment):
+        return
     for name, reason in beyond_reach(session.experiment, session.trials).items():
         console.print(
             f"View {name} is scanned from a straight line, without the arm: {reason}.",
@@ -211,6 +218,8 @@ def tell_beyond_reach(console: Console, session: Session) -> None:
 
 def tell_no_overlap(console: Console, session: Session) -> None:
     """One line for each pair without an answer whose views share little or nothing."""
+    if not isinstance(session.experiment, Experiment):
+        return
     rows = load(session.folder)
     for name, group in rows[rows["given"] == ""].groupby("pair", sort=False):
         shared = float(group[["overlap_target", "overlap_source"]].max().max())

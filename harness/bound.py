@@ -138,8 +138,9 @@ def pose_covariance(information: FloatArray) -> FloatArray | None:
     values = np.linalg.eigvalsh(scaled)
     if not values[0] > values[-1] / WORST_CONDITION:
         return None
-    covariance: FloatArray = np.linalg.inv(scaled) * np.outer(scale, scale)
-    return 0.5 * (covariance + covariance.T)
+    inverse = np.linalg.inv(scaled) * np.outer(scale, scale)
+    covariance: FloatArray = 0.5 * (inverse + inverse.T)
+    return covariance
 
 
 def parameter_deviations(covariance: FloatArray, T_target_source: RigidTransform) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 import traceback
 from collections import OrderedDict
@@ -12,19 +13,20 @@ from typing import Any, TypeVar
 import numpy as np
 
 from harness import diagnosis
+from harness.common_points import Common, common_points, pose_bounds
 from harness.pair_view import PairView
+from harness.random_pairs import RandomSpec, drawn_spec
 from harness.scoring import encoder_pose, exact_pose, pose_error
 from harness.store import Row, RowStatus
 from harness.trials import Trial, TrialSpec, canonical_json
 from harness.views import ViewSpec
 from registration.methods import register
 from registration.result import RegistrationResult
-from registration.scan import Scan
+from registration.scan import FloatArray, Scan
 from registration.thesis.evidence import ViewEvidence
 from scenes import SCENES
 from scenes.scene import Scene
 from sensors import SENSORS
-from sensors.overlap import overlap
 from sensors.sensor import Hits, Sensor
 
 T = TypeVar("T")
@@ -51,7 +53,8 @@ class Recent:
         return kept
 
 
-_scenes, _scans, _hits, _overlaps = Recent(4), Recent(12), Recent(8), Recent(256)
+_scenes, _scans, _hits, _commons = Recent(4), Recent(12), Recent(8), Recent(64)
+_bounds, _pairs = Recent(64), Recent(256)
 
 
 @dataclass(frozen=True)
@@ -84,11 +87,12 @@ def scan_view(spec: TrialSpec, view: ViewSpec) -> Scan:
 
 
 def _perform(trial: Trial) -> Outcome:
-    spec = trial.spec
+    spec = _full_spec(trial)
     start = time.perf_counter()
     target, source = scan_view(spec, spec.target), scan_view(spec, spec.source)
     scanned = time.perf_counter()
-    shares = _shares(spec)
+    shares = _common(spec).shares
+    bounds = _pose_bounds(spec, target, source)
     measured = time.perf_counter()
     paths = spec.path(spec.target), spec.path(spec.source)
     T_exact = exact_pose(*paths)
@@ -100,6 +104,7 @@ def _perform(trial: Trial) -> Outcome:
         "T_theoretical": encoder_pose(*paths),
         "overlap_target": shares[0],
         "overlap_source": shares[1],
+        "bounds": bounds,
     }
     if max(shares) < NO_OVERLAP:
         reason = (
@@ -155,7 +160,7 @@ def _register(spec: TrialSpec, target: Scan, source: Scan) -> RegistrationResult
     if spec.given == "rotation":
         T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
         return diagnosis.register_with_true_rotation(target, source, T_exact, spec.method.params)
-    hits = _view_hits(spec, spec.target), _view_hits(spec, spec.source)
+    hits = _both_hits(spec)
     if spec.given == "shared_patches":
         sensor, scene = _sensor(spec), _scene(spec)
         paths = spec.path(spec.target), spec.path(spec.source)
@@ -169,15 +174,40 @@ def _register(spec: TrialSpec, target: Scan, source: Scan) -> RegistrationResult
     return enter(*hits, spec.step_mm, _sensor(spec).apex_mm, spec.method.params)
 
 
-def _shares(spec: TrialSpec) -> tuple[float, float]:
-    """Exact share of the target's points that the source view sees too, and the reverse."""
+def _full_spec(trial: Trial) -> TrialSpec:
+    """The spec of a trial; the pair of a random one is drawn, for every method the same."""
+    spec = trial.spec
+    if isinstance(spec, RandomSpec):
+        key = canonical_json([spec.pair_key(), spec.sensor])
+        pair = _pairs.get(key, lambda: drawn_spec(spec, lambda drawn: _common(drawn).shares))
+        return dataclasses.replace(pair, method=spec.method)
+    if not isinstance(spec, TrialSpec):
+        raise TypeError(f"{type(spec).__name__} is no spec of a trial")
+    return spec
 
-    def make() -> tuple[float, float]:
-        sensor, scene = _sensor(spec), _scene(spec)
-        target, source = spec.path(spec.target), spec.path(spec.source)
-        return overlap(sensor, scene, target, source), overlap(sensor, scene, source, target)
 
-    return _overlaps.get(spec.pair_key(), make)
+def _common(spec: TrialSpec) -> Common:
+    """Which points of either view the other sees too."""
+    hits, paths = _both_hits(spec), (spec.path(spec.target), spec.path(spec.source))
+    return _commons.get(
+        spec.pair_key(), lambda: common_points(_sensor(spec), _scene(spec), hits, paths)
+    )
+
+
+def _pose_bounds(spec: TrialSpec, target: Scan, source: Scan) -> FloatArray | None:
+    """The Cramer-Rao bounds of the pair, from the beams that returned in these scans."""
+    paths = spec.path(spec.target), spec.path(spec.source)
+    measured = target.valid, source.valid
+    return _bounds.get(
+        spec.view_key(spec.target) + spec.view_key(spec.source),
+        lambda: pose_bounds(
+            _sensor(spec), _scene(spec), _both_hits(spec), paths, measured, _common(spec)
+        ),
+    )
+
+
+def _both_hits(spec: TrialSpec) -> tuple[Hits, Hits]:
+    return _view_hits(spec, spec.target), _view_hits(spec, spec.source)
 
 
 def _view_hits(spec: TrialSpec, view: ViewSpec) -> Hits:

@@ -18,7 +18,10 @@ ROOT = Path(__file__).resolve().parent.parent
 # What a row's numbers depend on, beside the code: a new version computes the rows again.
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 CODE = ("registration", "scenes", "sensors")
-CODE_OF_TRIALS = ("diagnosis", "execution", "scoring", "trials", "views")
+CODE_OF_TRIALS = (
+    "bound", "common_points", "diagnosis", "execution", "random_pairs", "scoring", "trials",
+    "views",
+)  # fmt: skip
 
 
 def code_fingerprint(methods: Iterable[str]) -> str:

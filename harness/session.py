@@ -13,12 +13,18 @@ from harness.card import card_table
 from harness.config import dump_yaml, load_experiment
 from harness.pool import MakeExecutor
 from harness.provenance import code_fingerprint, run_facts
+from harness.random_pairs import RandomSpec, build_random_trials, family_of
+from harness.random_schema import RandomPairsExperiment
+from harness.random_tables import random_tables
 from harness.runner import Done, Task, run
 from harness.schema import Experiment
 from harness.store import Store, StoreError, load
 from harness.table_files import Table, write_tables
 from harness.tables import all_tables
-from harness.trials import Trial, build_trials
+from harness.trials import Trial, build_trials, full_specs
+
+# Tables that only their files are for.
+FILES_ONLY = ("curves",)
 
 
 @dataclass(frozen=True)
@@ -26,7 +32,7 @@ class Session:
     """A checked experiment, its trials, the folder of its results and the code that computes it."""
 
     file: Path
-    experiment: Experiment
+    experiment: Experiment | RandomPairsExperiment
     trials: tuple[Trial, ...]
     folder: Path
     code: str
@@ -51,7 +57,10 @@ def open_session(
 ) -> Session:
     """Read and check everything; writes nothing. Raises ConfigError."""
     experiment = load_experiment(file, overrides, seed)
-    trials = build_trials(experiment, file)
+    if isinstance(experiment, RandomPairsExperiment):
+        trials = build_random_trials(experiment, file)
+    else:
+        trials = build_trials(experiment, file)
     code = code_fingerprint(method.name for method in experiment.methods)
     return Session(file, experiment, trials, folder or Path("results") / file.stem, code)
 
@@ -95,25 +104,37 @@ def execute(
 def report(session: Session) -> list[Table]:
     """Build the tables from the rows and write them; raises StoreError.
 
-    Beside them the card of the sensor is written, which nobody needs to see at every run.
+    Beside those returned, the card of the sensor is written and the points of the curves, which
+    nobody needs to see at every run.
     """
     rows = load(session.folder)
     if rows.empty:
         raise StoreError(f"{session.folder} has no row of this configuration; run it first")
-    tables = all_tables(session.experiment, rows)
+    if isinstance(session.experiment, RandomPairsExperiment):
+        from harness.random_figures import draw_random_figures
+
+        tables = random_tables(rows)
+        draw_random_figures(rows, session.folder / "figures")
+    else:
+        tables = all_tables(session.experiment, rows)
     sensor = session.trials[0].spec.sensor
     card = card_table(sensor.name, sensor.params)
     write_tables([*tables, *([card] if card else [])], session.folder / "tables")
-    return tables
+    return [table for table in tables if table.name not in FILES_ONLY]
 
 
 def resolved(session: Session) -> dict[str, Any]:
     """The configuration with every default and preset written out; it makes the same trials."""
     data = session.experiment.model_dump(mode="json", exclude_none=True)
-    first = session.trials[0].spec
-    data["scene"]["params"] = _plain(first.scene.params)
-    data["sensor"]["params"] = _plain(first.sensor.params)
-    arms = [v.arm for t in session.trials for v in (t.spec.source, t.spec.target) if v.arm]
+    data["sensor"]["params"] = _plain(session.trials[0].spec.sensor.params)
+    for trial in session.trials:
+        if isinstance(trial.spec, RandomSpec):
+            family = data["families"][family_of(trial.pair)]
+            family["scene"]["params"] = _plain(trial.spec.rules.scene.params)
+    specs = full_specs(session.trials)
+    if specs:
+        data["scene"]["params"] = _plain(specs[0].scene.params)
+    arms = [view.arm for spec in specs for view in (spec.source, spec.target) if view.arm]
     if arms:
         data["arm"] = _plain(arms[0])
     params = {trial.label: trial.spec.method.params for trial in session.trials}

@@ -18,7 +18,8 @@ from harness.scoring import PARAMETERS, parameter_errors, six_parameters
 from harness.trials import Trial
 
 FILE_NAME = "trials.sqlite"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
+ARRAYS = ("T_exact", "T_theoretical", "T_estimated", "bounds", "covariance", "undetermined")
 KINDS = ("exact", "theoretical", "estimated", "error")  # of the six parameters, by column
 
 RowStatus = Literal["ok", "ambiguous", "underdetermined", "failed", "no_overlap", "error"]
@@ -37,6 +38,7 @@ CREATE TABLE trials (
     translation_error_mm REAL,
     overlap_target REAL,
     overlap_source REAL,
+    bounds TEXT,
     covariance TEXT,
     undetermined TEXT,
     counts TEXT NOT NULL
@@ -78,6 +80,7 @@ class Row:
     spec: its canonical JSON. T_exact, T_theoretical, T_estimated: T_target_source or None; the
         theoretical one is what the arm's encoders say.
     overlap_target, overlap_source: exact share of either view's points that the other sees.
+    bounds: Cramer-Rao bounds (2, 6, 6) of the pose, see harness.common_points.
     counts: points, segments, patches and so on, by name.
     stage_ms: wall times; all else is the same in every run.
     """
@@ -94,6 +97,7 @@ class Row:
     translation_error_mm: float | None = None
     overlap_target: float | None = None
     overlap_source: float | None = None
+    bounds: np.ndarray[Any, np.dtype[np.float64]] | None = None
     covariance: np.ndarray[Any, np.dtype[np.float64]] | None = None
     undetermined: np.ndarray[Any, np.dtype[np.float64]] | None = None
     counts: dict[str, int] = field(default_factory=dict)
@@ -187,7 +191,7 @@ class Store:
             _matrix_json(row.T_exact), _matrix_json(row.T_theoretical),
             _matrix_json(row.T_estimated),
             row.rotation_error_deg, row.translation_error_mm,
-            row.overlap_target, row.overlap_source,
+            row.overlap_target, row.overlap_source, _array_json(row.bounds),
             _array_json(row.covariance), _array_json(row.undetermined),
             json.dumps(row.counts),
         )  # fmt: skip
@@ -207,7 +211,7 @@ def load(folder: Path) -> pd.DataFrame:
     translation_error_mm; overlap_target, overlap_source (fractions); exact_*, theoretical_*,
     estimated_* and error_* of the six parameters (rotation_x_deg .. rotation_z_deg, x_mm .. z_mm);
     n_* counts; ms_* wall times. T_exact, T_theoretical, T_estimated hold (4, 4) matrices,
-    covariance and undetermined arrays, or None. Raises StoreError.
+    bounds, covariance and undetermined arrays, or None. Raises StoreError.
     """
     path = folder / FILE_NAME
     if not path.exists():
@@ -223,7 +227,7 @@ def load(folder: Path) -> pd.DataFrame:
     finally:
         connection.close()
     for record in records:
-        for name in ("T_exact", "T_theoretical", "T_estimated", "covariance", "undetermined"):
+        for name in ARRAYS:
             record[name] = _array(record[name])
         for name, prefix in (("counts", "n_"), ("stage_ms", "ms_")):
             values = json.loads(record.pop(name))

@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from pydantic import ConfigDict, create_model
@@ -19,6 +19,7 @@ from harness.config_errors import ConfigError, Key, nearest
 from harness.schema import AimedView, Choice, Experiment, MethodChoice, PlacedView, Truth
 from harness.views import ViewSpec, view_spec
 from registration.methods import METHODS, UnknownMethodError, find_method
+from registration.peers import PEERS, MissingPeerError, check_installed
 from scenes import SCENES
 from sensors import SENSORS
 from sensors.arm import ArmParams, ReachError
@@ -78,11 +79,35 @@ class TrialSpec:
         return view.path(self.profiles, self.step_mm)
 
 
+class Spec(Protocol):
+    """What a trial is determined by: a TrialSpec, or what one is drawn from (a RandomSpec)."""
+
+    @property
+    def id(self) -> str:
+        """A hash of all of it."""
+
+    @property
+    def sensor(self) -> Chosen:
+        """The sensor of both views."""
+
+    @property
+    def method(self) -> Chosen:
+        """The method, with its parameters."""
+
+    @property
+    def given(self) -> str:
+        """The stage whose result is replaced by the truth, or ""."""
+
+    @property
+    def repeat(self) -> int:
+        """The number of the repeat, or of a random pair."""
+
+
 @dataclass(frozen=True)
 class Trial:
     """A trial with the names that the config gives its pair and its method."""
 
-    spec: TrialSpec
+    spec: Spec
     pair: str
     label: str
 
@@ -90,6 +115,11 @@ class Trial:
     def id(self) -> str:
         """The id of the spec: names change nothing."""
         return self.spec.id
+
+
+def full_specs(trials: Iterable[Trial]) -> list[TrialSpec]:
+    """The specs that name their views, all but those of random pairs."""
+    return [trial.spec for trial in trials if isinstance(trial.spec, TrialSpec)]
 
 
 def canonical_json(value: Any) -> str:
@@ -102,10 +132,10 @@ def build_trials(experiment: Experiment, file: Path) -> tuple[Trial, ...]:
 
     The order is by repeat, pair and method, so that scans which are shared come close together.
     """
-    scene = _chosen(experiment.scene, SCENES, "scene", file)
-    sensor = _chosen(experiment.sensor, SENSORS, "sensor", file)
+    scene = chosen(experiment.scene, SCENES, ("scene",), file)
+    sensor = chosen(experiment.sensor, SENSORS, ("sensor",), file)
     methods = [
-        _chosen_method(choice, ("methods", index), file)
+        chosen_method(choice, ("methods", index), file)
         for index, choice in enumerate(experiment.methods)
     ]
     scan = experiment.scan
@@ -140,7 +170,7 @@ def beyond_reach(experiment: Experiment, trials: Iterable[Trial]) -> dict[str, s
     if experiment.arm is None:
         return reasons
     arm = checked_params(ArmParams, experiment.arm, "", ("arm",))
-    for spec in (trial.spec for trial in trials):
+    for spec in full_specs(trials):
         for view in (spec.target, spec.source):
             if view.arm is None and view.name not in reasons:
                 try:
@@ -174,16 +204,17 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} cannot determine a trial")
 
 
-def _chosen(choice: Choice, registry: Mapping[str, Any], key: str, file: Path) -> Chosen:
+def chosen(choice: Choice, registry: Mapping[str, Any], key: Key, file: Path) -> Chosen:
+    """The entry of a registry that the config names, with checked parameters."""
     if choice.name not in registry:
-        raise ConfigError(
-            file, (key, "name"), f"unknown {key} {choice.name!r}; {nearest(choice.name, registry)}"
-        )
-    params = checked_params(registry[choice.name].params_type, choice.params, file, (key, "params"))
-    return Chosen(choice.name, params)
+        message = f"unknown {key[-1]} {choice.name!r}; {nearest(choice.name, registry)}"
+        raise ConfigError(file, (*key, "name"), message)
+    params_type = registry[choice.name].params_type
+    return Chosen(choice.name, checked_params(params_type, choice.params, file, (*key, "params")))
 
 
-def _chosen_method(choice: MethodChoice, key: Key, file: Path) -> Chosen:
+def chosen_method(choice: MethodChoice, key: Key, file: Path) -> Chosen:
+    """The method that the config names, with checked parameters, installed if it is a peer."""
     try:
         params_type = find_method(choice.name).params_type
     except UnknownMethodError:
@@ -203,8 +234,14 @@ def _chosen_method(choice: MethodChoice, key: Key, file: Path) -> Chosen:
             message = f"unknown preset {choice.preset!r}; {nearest(choice.preset, presets)}"
             raise ConfigError(file, (*key, "preset"), message)
         preset = dataclasses.asdict(getattr(params_type, choice.preset)())
-    params = _merged(preset, choice.params)
-    return Chosen(choice.name, checked_params(params_type, params, file, (*key, "params")))
+    merged = _merged(preset, choice.params)
+    params = checked_params(params_type, merged, file, (*key, "params"))
+    if choice.name in PEERS:
+        try:
+            check_installed(choice.name, params)
+        except MissingPeerError as error:
+            raise ConfigError(file, (*key, "name"), f"{choice.name}: {error}") from None
+    return Chosen(choice.name, params)
 
 
 def _presets(params_type: type) -> list[str]:
@@ -222,7 +259,8 @@ def checked_params(params_type: type, params: dict[str, Any], file: Path | str, 
         return params
     config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     name = str(key[-1])
-    model: Any = create_model("Params", __config__=config, **{name: (params_type, ...)})
+    fields: dict[str, Any] = {name: (params_type, ...)}
+    model = create_model("Params", __config__=config, **fields)
     return getattr(validated(model, {name: params}, file, key[:-1]), name)
 
 

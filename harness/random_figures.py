@@ -1,0 +1,197 @@
+"""The figures of an experiment on random pairs, one a question."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
+from scipy.stats import chi2
+
+from harness.figures_page import GREY, INK, Style, add_axes, new_figure, save
+from harness.pair_tables import NAMES
+from harness.random_tables import (
+    BANDS,
+    COUNTED,
+    THRESHOLDS,
+    bound_table,
+    grouped,
+    in_band,
+    squared_distances,
+    with_family,
+    within,
+)
+from harness.scoring import COARSE, FINE, wilson_interval
+
+# Okabe and Ito's colours, then dashes: safe for the colour-blind.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", INK)
+DASHES = ("-", "--", ":")
+SHOWN_BANDS = BANDS[:3]
+
+
+def draw_random_figures(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    """Draw what the tables say; returns the files, PNG."""
+    known = with_family(rows)
+    folder.mkdir(parents=True, exist_ok=True)
+    figures = {
+        "success": draw_success,
+        "bound": draw_bound,
+        "calibration": draw_calibration,
+        "times": draw_times,
+    }
+    files = []
+    for name, draw in figures.items():
+        with Style():
+            figure = draw(known)
+            if figure is not None:
+                files.append(save(figure, folder / f"random_{name}.png"))
+    return files
+
+
+def _styles(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """A colour and a dash for each method, the same in every figure."""
+    return {
+        str(method): {
+            "color": COLOURS[i % len(COLOURS)], "ls": DASHES[i // len(COLOURS) % len(DASHES)]
+        }
+        for i, method in enumerate(rows["method"].unique())
+    }  # fmt: skip
+
+
+def draw_success(rows: pd.DataFrame) -> Figure | None:
+    """Success rate against the tolerance, by scenes and overlap, with Wilson's interval."""
+    families, styles = list(rows["family"].unique()), _styles(rows)
+    legend_in = 0.25 + 0.22 * ((len(styles) + 2) // 3)
+    figure = new_figure(
+        "How often is a method right?\nShare of pairs answered ok and within the tolerance, with "
+        "Wilson's 95 % interval",
+        0.8 + 2.4 * len(families) + legend_in,
+    )
+    angles = [tolerance.rotation_deg for tolerance in THRESHOLDS]
+    marked = [THRESHOLDS[0], FINE, COARSE]
+    for r, family in enumerate(families):
+        for c, band in enumerate(SHOWN_BANDS):
+            bottom = legend_in + 0.5 + 2.4 * (len(families) - 1 - r)
+            ax = add_axes(figure, 0.75 + 2.8 * c, bottom, 2.3, 1.6)
+            of_band = in_band(rows[rows["family"] == family], band)
+            pairs = of_band["pair"].nunique()
+            for method, style in styles.items():
+                group = of_band[of_band["method"] == method]
+                if len(group):
+                    _curve(ax, group, angles, method, style)
+            ax.set(xscale="log", ylim=(-0.02, 1.02), xlim=(angles[0], angles[-1]))
+            ax.set_xticks([t.rotation_deg for t in marked])
+            ax.set_xticklabels([f"{t.rotation_deg:g}°\n{t.translation_mm:g} mm" for t in marked])
+            ax.minorticks_off()
+            ax.set_title(f"{family.replace('_', ' ')}, overlap {band.name}: {pairs} pairs")
+            if c == 0:
+                ax.set_ylabel("share of pairs")
+    handles = [Line2D([], [], lw=1.6, label=name, **style) for name, style in styles.items()]
+    figure.legend(handles=handles, loc="lower center", ncols=3)
+    return figure
+
+
+def _curve(
+    ax: Axes, group: pd.DataFrame, angles: list[float], method: str, style: dict[str, Any]
+) -> None:
+    right = [int(within(group, tolerance).sum()) for tolerance in THRESHOLDS]
+    low, high = np.transpose([wilson_interval(k, len(group)) for k in right])
+    ax.fill_between(angles, low, high, color=style["color"], alpha=0.15, lw=0)
+    ax.plot(angles, np.array(right) / len(group), lw=1.6, label=method, **style)
+
+
+def draw_bound(rows: pd.DataFrame) -> Figure | None:
+    """Errors in units of the Cramer-Rao bound, by parameter."""
+    table = bound_table(rows).frame
+    if not len(table):
+        return None
+    table = table[table["Scenes"] == table["Scenes"].iloc[0]]  # all scenes, if there are several
+    styles = _styles(rows)
+    legend_in = 0.25 + 0.22 * ((len(styles) + 2) // 3)
+    figure = new_figure(
+        "How far from the limit is a method?\nErrors of the successes by their Cramer-Rao bounds; "
+        "dot: root mean square, dash: by the median",
+        4.1 + legend_in,
+    )
+    places = np.arange(6.0)
+    for c, counted in enumerate(COUNTED):
+        ax = add_axes(figure, 0.75 + 4.2 * c, legend_in + 0.4, 3.85, 2.6)
+        of_bound = table[table["Bound from"] == counted]
+        shift = 0.7 / max(len(styles), 1)
+        for i, (method, style) in enumerate(styles.items()):
+            group = of_bound[of_bound["Method"] == method].set_index("Error")
+            if not len(group):
+                continue
+            x = places + shift * (i - 0.5 * (len(styles) - 1))
+            squares, medians = (
+                group.loc[name, list(NAMES)].to_numpy(float)
+                for name in ("root mean square", "by the median")
+            )
+            ax.vlines(x, medians, squares, color=style["color"], lw=1.2)
+            ax.plot(x, squares, "o", ms=4.5, color=style["color"], label=method)
+            ax.plot(x, medians, "_", ms=8, mew=1.6, color=style["color"])
+        ax.axhline(1.0, color=GREY, lw=1.0)
+        ax.set(yscale="log", xlim=(-0.6, 5.6))
+        ax.set_xticks(places, ["rot. X", "rot. Y", "rot. Z", "X", "Y", "Z"])
+        ax.set_title(f"bound from {counted}")
+        if c == 0:
+            ax.set_ylabel("error / bound")
+    handles, names = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="lower center", ncols=3)
+    return figure
+
+
+def draw_calibration(rows: pd.DataFrame) -> Figure | None:
+    """Share of errors inside the covariance's ellipsoid against what it should be."""
+    answered = rows[rows["status"] == "ok"]
+    styles = _styles(rows)
+    distances = {
+        method: squared_distances(group)
+        for _, method, group in grouped(answered.assign(family="all"))
+    }
+    distances = {method: values for method, values in distances.items() if len(values)}
+    if not distances:
+        return None
+    figure = new_figure(
+        "Does a method know how sure it is?\nShare of the answers marked ok inside the "
+        "covariance's ellipsoid",
+        5.3,
+    )
+    ax = add_axes(figure, 2.6, 0.55, 3.9, 3.9)
+    levels = np.linspace(0.0, 1.0, 101)
+    ax.plot(levels, levels, color=GREY, lw=1.0, label="right covariances")
+    for method, values in distances.items():
+        shares = [(values <= chi2.ppf(level, 6)).mean() for level in levels]
+        ax.plot(levels, shares, lw=1.6, label=f"{method}, {len(values)} answers", **styles[method])
+    ax.set(xlim=(0, 1), ylim=(0, 1.01), aspect="equal")
+    ax.set(xlabel="share that should lie inside", ylabel="share that lies inside")
+    ax.legend(loc="upper left")
+    return figure
+
+
+def draw_times(rows: pd.DataFrame) -> Figure | None:
+    """Distribution of the time of a registration, by method."""
+    styles = _styles(rows)
+    figure = new_figure(
+        "How long does a registration take?\nShare of pairs that are done after that time, with "
+        "as many processes as the command was given",
+        4.9,
+    )
+    ax = add_axes(figure, 0.9, 0.55, 7.7, 3.5)
+    for method, style in styles.items():
+        times = np.sort(rows.loc[rows["method"] == method, "ms_registration"].dropna().to_numpy())
+        if len(times):
+            shares = np.arange(1, len(times) + 1) / len(times)
+            ax.step(times, shares, where="post", lw=1.6, label=method, **style)
+    ax.set(xscale="log", ylim=(0, 1.01), xlabel="time of a registration (ms)")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.minorticks_off()
+    ax.set_ylabel("share of pairs")
+    ax.legend(loc="lower right")
+    return figure

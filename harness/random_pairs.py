@@ -1,0 +1,206 @@
+"""Trials on random pairs of views: what a pair is drawn from, and how."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.config_errors import ConfigError
+from harness.random_schema import Family, RandomPairsExperiment
+from harness.schema import AimedView
+from harness.trials import Chosen, Trial, TrialSpec, canonical_json, chosen, chosen_method
+from harness.views import ViewSpec
+from scenes import SCENES
+from scenes.scene import Scene
+from sensors import SENSORS
+from sensors.overlap import seen
+from sensors.paths import ViewPath
+from sensors.sensor import Sensor
+
+# A candidate is first judged by every few beams, then exactly; this close the first is trusted.
+STRIDE, ROUGHLY = 8, 0.05
+MOST_DRAWS = 500
+
+
+class NoPairError(RuntimeError):
+    """No pair of views within the limits was found."""
+
+
+@dataclass(frozen=True)
+class PairRules:
+    """All that a family's pairs are drawn from; lengths in mm, angles in degrees."""
+
+    scene: Chosen
+    new_scene: bool
+    aim_mm: tuple[float, float, float]
+    aim_within_mm: float
+    distance_mm: tuple[float, float]
+    heading_within_deg: float
+    yaw_within_deg: float
+    pitch_deg: float
+    pitch_within_deg: float
+    roll_within_deg: float
+    overlap: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class RandomSpec:
+    """Everything that determines a trial on a random pair; `repeat` is the number of the pair.
+
+    The pair itself is drawn where the trial runs: see drawn_spec.
+    """
+
+    rules: PairRules
+    sensor: Chosen
+    profiles: int
+    step_mm: float
+    method: Chosen
+    repeat: int
+    seed: int
+    given: str = ""
+
+    @functools.cached_property
+    def id(self) -> str:
+        """The first 16 hexadecimal digits of the SHA-256 of the canonical JSON."""
+        return hashlib.sha256(canonical_json(self).encode()).hexdigest()[:16]
+
+    def pair_key(self) -> str:
+        """All that determines the pair: not the method, nor the noise of the sensor."""
+        params = self.sensor.params
+        if hasattr(params, "noise"):
+            params = dataclasses.replace(params, noise=None)
+        sensor = [self.sensor.name, params]
+        parts = [self.rules, sensor, self.profiles, self.step_mm, self.repeat, self.seed]
+        return canonical_json(parts)
+
+
+def build_random_trials(experiment: RandomPairsExperiment, file: Path) -> tuple[Trial, ...]:
+    """All trials, by number, family and method; raises ConfigError, naming the file and key."""
+    sensor = chosen(experiment.sensor, SENSORS, ("sensor",), file)
+    methods = [
+        chosen_method(choice, ("methods", index), file)
+        for index, choice in enumerate(experiment.methods)
+    ]
+    families = {
+        name: (_rules(experiment, family, ("families", name), file), family.pairs)
+        for name, family in experiment.families.items()
+    }
+    return tuple(
+        Trial(
+            RandomSpec(
+                rules, sensor, experiment.scan.profiles, experiment.scan.step_mm, method, number,
+                experiment.seed,
+            ),
+            f"{name} {number}",
+            choice.label or choice.name,
+        )
+        for number in range(max(pairs for _, pairs in families.values()))
+        for name, (rules, pairs) in families.items()
+        if number < pairs
+        for choice, method in zip(experiment.methods, methods, strict=True)
+    )  # fmt: skip
+
+
+def drawn_spec(spec: RandomSpec, shares: Callable[[TrialSpec], tuple[float, float]]) -> TrialSpec:
+    """Draw the pair of a spec; the same spec gives the same pair, whatever the method or noise.
+
+    shares: exact shares of either view's points that the other sees. Raises NoPairError.
+    """
+    rules = spec.rules
+    digest = hashlib.sha256(spec.pair_key().encode()).digest()
+    rng = np.random.default_rng(np.random.SeedSequence(int.from_bytes(digest)))
+    sensor: Sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
+    scene = rules.scene
+    if rules.new_scene:
+        params = dataclasses.replace(scene.params, seed=int(rng.integers(2**31)))
+        scene = Chosen(scene.name, params)
+    built = SCENES[scene.name].builder(scene.params)
+    turn = spec.repeat % (len(rules.overlap) - 1)
+    least, most = rules.overlap[turn : turn + 2]
+    for _ in range(MOST_DRAWS):
+        target, source = _draw_views(rules, rng)
+        pair = TrialSpec(
+            scene, spec.sensor, spec.profiles, spec.step_mm, target, source, spec.method,
+            "", spec.repeat, spec.seed,
+        )  # fmt: skip
+        rough = min(_rough_shares(sensor, built, pair.path(target), pair.path(source)))
+        if least - ROUGHLY <= rough <= most + ROUGHLY and least <= min(shares(pair)) <= most:
+            return pair
+    raise NoPairError(
+        f"{MOST_DRAWS} pairs of views of {scene.name} were drawn and none overlaps by "
+        f"{least:.0%} to {most:.0%}; aim closer, or widen the limits"
+    )
+
+
+def _draw_views(rules: PairRules, rng: np.random.Generator) -> tuple[ViewSpec, ViewSpec]:
+    heading_deg = rng.uniform(-rules.heading_within_deg, rules.heading_within_deg)
+    apart_deg = rng.uniform(-rules.yaw_within_deg, rules.yaw_within_deg)
+    views = []
+    for name, side in (("target", -0.5), ("source", 0.5)):
+        aim_mm = np.array(rules.aim_mm) + rng.uniform(-1.0, 1.0, 3) * rules.aim_within_mm
+        pitch_deg, roll_deg = rng.uniform(-1.0, 1.0, 2) * (
+            rules.pitch_within_deg,
+            rules.roll_within_deg,
+        )
+        x_mm, y_mm, z_mm = aim_mm.tolist()
+        aimed = AimedView(
+            aim_mm=(x_mm, y_mm, z_mm),
+            distance_mm=rng.uniform(*rules.distance_mm),
+            yaw_deg=heading_deg + side * apart_deg,
+            pitch_deg=rules.pitch_deg + pitch_deg,
+            roll_deg=roll_deg,
+        )
+        views.append(ViewSpec(name, aimed, ()))
+    return views[0], views[1]
+
+
+def _rough_shares(
+    sensor: Sensor, scene: Scene, target: ViewPath, source: ViewPath
+) -> tuple[float, float]:
+    """Shares of either view's points that the other sees, from every STRIDE-th profile and beam."""
+    paths = [
+        ViewPath(path.T_world_profile[::STRIDE], STRIDE * path.step_mm) for path in (target, source)
+    ]
+    shares = []
+    for one, other in (paths, paths[::-1]):
+        hits = sensor.hits(scene, one)
+        points_mm, surface = hits.points_mm[:, ::STRIDE], hits.surface[:, ::STRIDE]
+        measured = surface >= 0
+        world_mm = one.T_world_view.apply(points_mm[measured])
+        common = seen(sensor, scene, other, world_mm, surface[measured])
+        shares.append(float(common.sum() / max(len(common), 1)))
+    return shares[0], shares[1]
+
+
+def _rules(
+    experiment: RandomPairsExperiment, family: Family, key: tuple[str, ...], file: Path
+) -> PairRules:
+    scene = chosen(family.scene, SCENES, (*key, "scene"), file)
+    if family.new_scene and not hasattr(scene.params, "seed"):
+        message = f"scene {scene.name!r} has no seed to draw; leave new_scene out"
+        raise ConfigError(file, (*key, "new_scene"), message)
+    return PairRules(
+        scene=scene,
+        new_scene=family.new_scene,
+        aim_mm=family.aim_mm,
+        aim_within_mm=family.aim_within_mm,
+        distance_mm=family.distance_mm,
+        heading_within_deg=experiment.heading_within_deg,
+        yaw_within_deg=experiment.yaw_within_deg,
+        pitch_deg=family.pitch_deg,
+        pitch_within_deg=experiment.pitch_within_deg,
+        roll_within_deg=experiment.roll_within_deg,
+        overlap=experiment.overlap,
+    )
+
+
+def family_of(pair: Any) -> str:
+    """The family of a pair by its name."""
+    return str(pair).rpartition(" ")[0]
