@@ -14,12 +14,14 @@ from registration.gauss_sphere.patches import Patches
 from registration.kernels import compiled
 from registration.scan import FloatArray
 
+DEPTH_NODES, NODES = 65, 513  # much finer than any calibration's own
+
 
 class Bias(NamedTuple):
-    """A calibration's bias as the compiled loops take it.
+    """A calibration's bias as the compiled loops take it, on even nodes.
 
     lateral: whether it goes with the slope of the beam, else with the tangent of the incidence.
-    depth_mm: (d,) nodes of Z; at: (t,) nodes of the other; value_mm: (d, t).
+    depth_mm, at: (2,) first node and nodes per unit, of Z and of the other; value_mm: (d, t).
     """
 
     lateral: bool
@@ -31,11 +33,13 @@ class Bias(NamedTuple):
 def bias_of(calibration: Calibration) -> Bias:
     """The bias of a calibration."""
     table = calibration.bias
+    depth_mm = np.linspace(table.depth_mm[0], table.depth_mm[-1], DEPTH_NODES)
+    at = np.linspace(table.at[0], table.at[-1], NODES)
     return Bias(
         calibration.form == "lateral",
-        np.ascontiguousarray(table.depth_mm, dtype=np.float64),
-        np.ascontiguousarray(table.at, dtype=np.float64),
-        np.ascontiguousarray(table.value_mm, dtype=np.float64),
+        np.array([depth_mm[0], 1.0 / (depth_mm[1] - depth_mm[0])]),
+        np.array([at[0], 1.0 / (at[1] - at[0])]),
+        np.ascontiguousarray(table.value(depth_mm[:, None], at[None, :])),
     )
 
 
@@ -84,18 +88,11 @@ def _correct(fan: Fan, patches: Patches, bias: Bias, depth: FloatArray) -> None:
 @compiled
 def _value(bias: Bias, depth_mm: float, at: float) -> float:
     """Bilinear between the nodes, constant beyond them."""
-    row, row_share = _cell(bias.depth_mm, depth_mm)
-    column, share = _cell(bias.at, at)
     v = bias.value_mm
-    low = v[row, column] * (1.0 - share) + v[row, column + 1] * share
-    high = v[row + 1, column] * (1.0 - share) + v[row + 1, column + 1] * share
-    return float(low * (1.0 - row_share) + high * row_share)
-
-
-@compiled
-def _cell(nodes: FloatArray, value: float) -> tuple[int, float]:
-    inside = min(max(value, nodes[0]), nodes[-1])
-    i = 0
-    while i < nodes.size - 2 and nodes[i + 1] < inside:
-        i += 1
-    return i, (inside - nodes[i]) / (nodes[i + 1] - nodes[i])
+    x = min(max((depth_mm - bias.depth_mm[0]) * bias.depth_mm[1], 0.0), v.shape[0] - 1.0)
+    y = min(max((at - bias.at[0]) * bias.at[1], 0.0), v.shape[1] - 1.0)
+    i, j = min(int(x), v.shape[0] - 2), min(int(y), v.shape[1] - 2)
+    x, y = x - i, y - j
+    low = v[i, j] * (1.0 - y) + v[i, j + 1] * y
+    high = v[i + 1, j] * (1.0 - y) + v[i + 1, j + 1] * y
+    return float(low * (1.0 - x) + high * x)

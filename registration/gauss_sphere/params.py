@@ -36,7 +36,7 @@ class PatchParams:
     min_points: int = 40
     gate_sigma: float = 3.5
     fit_rounds: int = 2
-    bias_rounds: int = 3
+    bias_rounds: int = 2
     edge_pixels: int = 1
 
 

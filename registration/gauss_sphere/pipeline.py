@@ -54,13 +54,22 @@ def without_bias(
     The bias bends planes, which then fall to pieces, and tilts the pieces, by which the bias is
     known: corrected and fitted again in turns, they settle, and come together when found anew.
     """
+    if bias.lateral:  # known without the planes
+        fan = corrected(measured, patches, bias)
+        return fan, find_patches(fan, find_segments(fan, params.segments), params.patches)
+    fan, patches = settle_bias(measured, patches, bias, params)
+    patches = find_patches(fan, find_segments(fan, params.segments), params.patches)
+    return settle_bias(measured, patches, bias, params)
+
+
+def settle_bias(
+    measured: Fan, patches: Patches, bias: Bias, params: GaussSphereParams
+) -> tuple[Fan, Patches]:
+    """Correct the points of the patches by their planes and fit again, in turns."""
     fan = measured
-    for again in range(params.patches.bias_rounds):
-        for _ in range(params.patches.bias_rounds):
-            fan = corrected(measured, patches, bias)
-            patches = fit_patches(fan, patches.label, patches.n_points.size, params.patches)
-        if again + 1 < params.patches.bias_rounds:
-            patches = find_patches(fan, find_segments(fan, params.segments), params.patches)
+    for _ in range(params.patches.bias_rounds):
+        fan = corrected(measured, patches, bias)
+        patches = fit_patches(fan, patches.label, patches.n_points.size, params.patches)
     return fan, patches
 
 
