@@ -146,7 +146,7 @@ def superposition(
 
 def _links(drawn: Sequence[Drawn], rows: pd.DataFrame, label: str) -> tuple[list[Link], list[Link]]:
     """What a method found at repeat 0, where it answered, and the exact poses of the same pairs."""
-    by_id = rows.drop_duplicates("id").set_index("id")
+    found = {row["id"]: row for row in rows.to_dict("records") if row["status"] == "ok"}
     estimated, exact = [], []
     for trial, spec in drawn:
         if trial.label != label:
@@ -154,8 +154,8 @@ def _links(drawn: Sequence[Drawn], rows: pd.DataFrame, label: str) -> tuple[list
         names = spec.target.name, spec.source.name
         paths = spec.path(spec.target), spec.path(spec.source)
         exact.append(Link(*names, exact_pose(*paths)))
-        if trial.id in by_id.index and by_id.loc[trial.id, "status"] == "ok":
-            pose = RigidTransform.from_matrix(by_id.loc[trial.id, "T_estimated"])
+        if trial.id in found:
+            pose = RigidTransform.from_matrix(found[trial.id]["T_estimated"])
             estimated.append(Link(*names, pose))
     return estimated, exact
 

@@ -52,7 +52,8 @@ def scene_faces(scene: Scene) -> Polygons:
 
 def _arm_faces(model: mujoco.MjModel, data: mujoco.MjData) -> Polygons:
     corners_m: list[FloatArray] = []
-    rgb, body = [], []
+    rgb: list[FloatArray] = []
+    body: list[int] = []
     for geom in range(model.ngeom):
         if not model.body(int(model.geom_bodyid[geom])).name.startswith(PREFIX):
             continue

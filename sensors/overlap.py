@@ -38,7 +38,7 @@ def seen(
     # Between profiles the field has no gaps, however unevenly the sensor stepped.
     beyond = (profile == 0) & (x_mm < -0.5 * path.step_mm)
     beyond |= (profile == path.profiles - 1) & (x_mm > 0.5 * path.step_mm)
-    inside = ~beyond & sensor.in_field(local_mm)
+    inside: BoolArray = ~beyond & sensor.in_field(local_mm)
     chosen = np.flatnonzero(inside)
     chosen = chosen[np.argsort(profile[chosen], kind="stable")]
     apexes_mm = path.T_world_profile.apply(sensor.apex_mm)
