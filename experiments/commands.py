@@ -26,7 +26,7 @@ from harness.pool import process_pool
 from harness.runner import Done
 from harness.schema import Experiment
 from harness.scoring import six_parameters
-from harness.session import Session, execute, open_session, plan, report
+from harness.session import Session, draw_whole, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load
 from harness.trials import Trial, beyond_reach, full_specs
 from sensors import SENSORS
@@ -73,6 +73,8 @@ def run_all(session: Session, workers: int | None, redraw: bool) -> int:
             return EXIT_INTERRUPTED
     show_tables(console, report(session))
     tell_no_overlap(console, session)
+    if planned.tasks:
+        draw_whole(session)
     show_paths(console, session.folder)
     computed = [done.row for done in ended if done.task.keep]
     errors = [row for row in computed if row.status == "error"]

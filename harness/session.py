@@ -101,6 +101,14 @@ def execute(
         yield done
 
 
+def draw_whole(session: Session) -> list[Path]:
+    """Draw what concerns no single pair: the arm, and all views superposed; returns the files."""
+    from harness.overview import draw_overview  # it brings matplotlib
+
+    labels = [m.label or m.name for m in session.experiment.methods if m.figures]
+    return draw_overview(session.trials, labels, load(session.folder), session.folder)
+
+
 def report(session: Session) -> list[Table]:
     """Build the tables from the rows and write them; raises StoreError.
 
