@@ -17,6 +17,7 @@ import pytest
 from experiments.cli import main
 from harness.config import load_experiment, read_mapping
 from harness.store import load
+from sensors.calibration import PUBLISHED
 
 ROOT = Path(__file__).parents[2]
 # Those that make trials; an `experiment:` of its own, as precision.yaml, has tests of its own.
@@ -70,6 +71,7 @@ def test_every_config_runs_and_its_results_are_whole(
         for ending in ("csv", "md", "tex"):
             assert (out / "tables" / f"{name}.{ending}").stat().st_size > 200
     assert len(pd.read_csv(out / "tables" / "timings.csv")) >= 3
+    assert len(pd.read_csv(out / "tables" / "sensor_card.csv")) == len(PUBLISHED)
     assert (out / "config.yaml").exists()
     assert (out / "run.json").exists()
     assert "Written:" in shown
