@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from scenes import SCENES
-from scenes.rays import cast_rays
 from scenes.materials import MATERIALS
+from scenes.rays import cast_rays
 from scenes.scene import Scene
 from scenes.solids import assemble, box, frustum, plate, prism, turned
 
