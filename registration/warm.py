@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import numpy as np
 
+from registration.calibration import Calibration, Table
+from registration.gauss_sphere.params import GaussSphereParams
 from registration.methods import METHODS, PROFILE_METHODS, register
 from registration.peers import PEERS
 from registration.scan import Scan
@@ -17,8 +22,21 @@ def corner_scan(profiles: int = 24, pixels: int = 64) -> Scan:
     return Scan.from_points(np.stack([x, y, z], axis=2), step_mm=5.0)
 
 
+def no_bias() -> Calibration:
+    """A calibration that changes nothing, so that what takes a bias out has something to do."""
+    nodes = np.array([0.0, 1500.0])
+    nothing = Table(nodes, np.array([0.0, 3.0]), np.zeros((2, 2)))
+    sigma = Table(nodes, np.array([0.0, 3.0]), np.ones((2, 2)))
+    return Calibration("incidence", np.zeros(3), nothing, sigma)
+
+
 if __name__ == "__main__":
     for name in METHODS.keys() - PEERS.keys():
         register(corner_scan(), corner_scan(), method=name)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "calibration.json"
+        no_bias().write(path)
+        calibrated = GaussSphereParams(calibration=str(path))
+        register(corner_scan(), corner_scan(), method="gauss_sphere", params=calibrated)
     for name in PROFILE_METHODS:
         register(corner_scan(profiles=1), corner_scan(profiles=1), method=name)

@@ -125,7 +125,10 @@ def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:
     sigma = a + b depth^2, both not negative. Returns (a in mm, b in 1/mm).
     """
     stride = max(1, depth_mm.shape[0] // NOISE_PROFILES)
-    depths, sigmas = _noise_by_depth(depth_mm[stride // 2 :: stride], slope[stride // 2 :: stride])
+    depths, sigmas = _noise_by_depth(
+        np.ascontiguousarray(depth_mm[stride // 2 :: stride]),
+        np.ascontiguousarray(slope[stride // 2 :: stride]),
+    )
     return _growing_noise(depths, sigmas) if depths.size else (MIN_SIGMA_MM, 0.0)
 
 

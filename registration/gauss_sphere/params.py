@@ -1,4 +1,9 @@
-"""Parameters of the method, a dataclass a stage."""
+"""Parameters of the method, a dataclass a stage.
+
+Lengths that are compared with measurements are in multiples of the scan's own noise wherever one
+can be given; the rest are in mm and fit scanners with tenths of a millimetre to a few millimetres
+of noise on objects of centimetres to metres.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +31,18 @@ class SegmentParams:
 
 @dataclass(frozen=True)
 class PatchParams:
-    """Planes grown over profiles."""
+    """Planes grown over the profiles and fitted to their points.
+
+    join_gain: chi-square that joining a segment to a patch, or two patches, may cost.
+    tolerance_sigma: rms deviation, in standard deviations, that it may cost besides.
+    max_tilt: tangent of a plane's inclination along X that young patches are held to, softly.
+    bridge_profiles: a patch goes on over this many profiles less one without a segment of it.
+    min_profiles, min_points: smaller patches are dropped.
+    gate_sigma: points farther from their plane lose their label.
+    fit_rounds: Gauss-Newton steps of a fit.
+    edge_pixels: points at both ends of a segment that are left out: the laser spot lies across.
+    bias_rounds: turns of taking the bias out and fitting again.
+    """
 
     join_gain: float = 25.0
     tolerance_sigma: float = 0.6
@@ -36,13 +52,22 @@ class PatchParams:
     min_points: int = 40
     gate_sigma: float = 3.5
     fit_rounds: int = 2
-    bias_rounds: int = 2
     edge_pixels: int = 1
+    bias_rounds: int = 2
 
 
 @dataclass(frozen=True)
 class RotationParams:
-    """Rotation candidates from pairs of directions."""
+    """Rotation candidates from pairs of directions.
+
+    close_rad: patches of directions closer together are one direction (thesis: CloseNormal).
+    directions: only so many, of the largest area, are paired.
+    least_angle_rad: directions of a pair are at least so far from parallel.
+    angle_tolerance_rad: by how much the angles of two pairs may differ.
+    overlap_tolerance_rad: directions closer together after the turn overlap.
+    distinct_rad: candidates closer together are one.
+    capacity: candidates that are looked at; kept: that go on to the translation.
+    """
 
     close_rad: float = 0.05
     directions: int = 14
@@ -56,7 +81,16 @@ class RotationParams:
 
 @dataclass(frozen=True)
 class TranslationParams:
-    """Translation candidates from pairs of planes."""
+    """Translation candidates from pairs of planes.
+
+    patches: only so many of each view, of the largest area, are paired.
+    angle_tolerance_rad: normals of a pair differ by less after the turn.
+    pairs: pairs, of the largest area, that are tried together; starts: two of them at a time.
+    distance_tolerance_mm: by how much the distances of two planes may differ under a shift, and
+        tilt_tolerance_rad: besides, over the size of the patches, for an imprecise rotation.
+    reach: outlines overlap within so many standard deviations of their points.
+    distinct_mm: shifts closer together are one; kept_per_rotation: that go on to verification.
+    """
 
     patches: int = 24
     angle_tolerance_rad: float = 0.10
@@ -71,7 +105,13 @@ class TranslationParams:
 
 @dataclass(frozen=True)
 class RefineParams:
-    """Maximum likelihood over pairs of planes."""
+    """Maximum likelihood over pairs of planes.
+
+    rounds: most steps; tail: squared distance at which a pair's pull is halved.
+    floors_mm: systematic errors of a plane's offset to try, smallest first, with floor_lever_mm:
+        distance over which they are its tilt; the smallest is taken under which consistent_share
+        of the matched area has a squared distance below consistent_distance2.
+    """
 
     rounds: int = 10
     tail: float = 25.0
@@ -83,7 +123,16 @@ class RefineParams:
 
 @dataclass(frozen=True)
 class VerificationParams:
-    """Comparison of a pose with the space that both views saw."""
+    """Comparison of a pose with the space that both views saw.
+
+    samples: points of each view that are compared.
+    normal_tolerance_rad: a point supports a plane whose normal differs by less from its own's.
+    free_space_mm: a point so far before all that is measured around it contradicts.
+    contradiction_weight: support that a contradiction outweighs.
+    rough_tolerance_mm, rough_stride: distance within which a point supports a candidate at first,
+        and the share of samples that is looked at.
+    kept: candidates that are settled at most; worth_settling: share of the best score they need.
+    """
 
     samples: int = 1500
     normal_tolerance_rad: float = 0.26
@@ -97,7 +146,12 @@ class VerificationParams:
 
 @dataclass(frozen=True)
 class MatchParams:
-    """Planes matched under a pose."""
+    """Planes matched under a pose, stage by stage.
+
+    tolerances_mm: distance within which a point lies on the other view's plane; floors_mm:
+        systematic error allowed to the planes; strides: share of the samples that is looked at.
+    least_samples: points of one plane that must lie on the other.
+    """
 
     tolerances_mm: tuple[float, ...] = (20.0, 10.0, 5.0, 5.0)
     floors_mm: tuple[float, ...] = (4.0, 1.5, 0.5, 0.15)
@@ -107,17 +161,28 @@ class MatchParams:
 
 @dataclass(frozen=True)
 class DecisionParams:
-    """When an answer is given."""
+    """When an answer is given.
+
+    least_support: share of the seen surface that must lie on the other view's.
+    most_contradiction: contradiction allowed, as a share of the support.
+    sure_planes: different planes that must agree, each within agreeing_distance2; one less, or
+        plain_support of the surface, will do where contradiction is below plain_contradiction.
+        Unrelated scenes reached three or four planes, and 19 % of the surface.
+    same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
+    rival_share: share of the best score at which another pose makes the answer ambiguous.
+    open_rad, open_mm: a direction known no better than this is open.
+    distinct_rad, distinct_mm: poses closer than this are one.
+    """
 
     least_support: float = 0.08
     most_contradiction: float = 0.15
-    rival_share: float = 0.75
     sure_planes: int = 5
     plain_contradiction: float = 0.02
     plain_support: float = 0.3
     agreeing_distance2: float = 14.0
     same_plane_rad: float = 0.03
     same_plane_mm: float = 5.0
+    rival_share: float = 0.75
     open_rad: float = 0.035
     open_mm: float = 10.0
     distinct_rad: float = 0.05
