@@ -74,7 +74,7 @@ def run_all(session: Session, workers: int | None, redraw: bool) -> int:
     show_tables(console, report(session))
     tell_no_overlap(console, session)
     if planned.tasks:
-        draw_whole(session)
+        draw_whole(session, make_executor)
     show_paths(console, session.folder)
     computed = [done.row for done in ended if done.task.keep]
     errors = [row for row in computed if row.status == "error"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from harness.figures_page import (
     thinned,
 )
 from harness.pair_view import file_slug
+from harness.pool import MakeExecutor
 from harness.scoring import exact_pose, pose_error
 from harness.trials import Trial, TrialSpec
 from harness.views import ViewSpec
@@ -35,6 +36,7 @@ from scenes.picture import VIEW_COLOURS
 from sensors import SENSORS
 
 PREFIX = "views_"
+SHOWN = 5_000  # points of each view in a panel
 
 
 class Drawn(NamedTuple):
@@ -45,58 +47,94 @@ class Drawn(NamedTuple):
 
 
 def draw_overview(
-    trials: Sequence[Trial], labels: Collection[str], rows: pd.DataFrame, folder: Path
+    trials: Sequence[Trial],
+    labels: Collection[str],
+    rows: pd.DataFrame,
+    folder: Path,
+    make_executor: MakeExecutor,
 ) -> list[Path]:
     """Draw the arm at every view, and all views laid on each other by each of the methods.
 
     labels: of the methods that are drawn. rows: as store.load gives them. folder: the results;
     figures and merged clouds go below it. Returns the files.
     """
+    for kind in ("figures", "scans"):
+        for old in (folder / kind).glob(f"{PREFIX}*"):
+            old.unlink()
     drawn = [
         Drawn(trial, trial.spec)
         for trial in trials
-        if isinstance(trial.spec, TrialSpec) and trial.spec.repeat == 0 and not trial.spec.given
+        if isinstance(trial.spec, TrialSpec)
+        and trial.spec.repeat == 0
+        and not trial.spec.given
+        and trial.label in labels
     ]
     if not drawn:
         return []
-    pictures, clouds = folder / "figures", folder / "scans"
-    for old in [*pictures.glob(f"{PREFIX}*"), *clouds.glob(f"{PREFIX}*")]:
-        old.unlink()
+    found = {
+        row["id"]: RigidTransform.from_matrix(row["T_estimated"])
+        for row in rows.to_dict("records")
+        if row["status"] == "ok"
+    }
+    with make_executor() as executor:
+        jobs = [
+            executor.submit(_draw_arm, drawn, folder),
+            executor.submit(_draw_superpositions, drawn, found, folder),
+        ]
+        return [file for job in jobs for file in job.result()]
+
+
+def _views(drawn: Sequence[Drawn]) -> dict[str, tuple[TrialSpec, ViewSpec]]:
+    """Each view by its name, with a spec that has it."""
     views: dict[str, tuple[TrialSpec, ViewSpec]] = {}
     for _, spec in drawn:
         for view in (spec.source, spec.target):
             views.setdefault(view.name, (spec, view))
-    files = []
-    (first, _), *_ = views.values()
+    return views
+
+
+def _draw_arm(drawn: Sequence[Drawn], folder: Path) -> list[Path]:
+    views = _views(drawn)
     arms = [view.arm for _, view in views.values() if view.arm is not None]
-    if arms:
-        paths = {name: spec.path(view) for name, (spec, view) in views.items()}
-        title = f"{first.scene.name}: the arm before the scene"
-        pictures.mkdir(parents=True, exist_ok=True)
-        file = pictures / f"{PREFIX}arm.png"
-        scene = SCENES[first.scene.name].builder(first.scene.params)
-        sensor = SENSORS[first.sensor.name].factory(first.sensor.params)
-        files.append(draw_arm(scene, sensor, arms[0], paths, title, file))
+    if not arms:
+        return []
+    spec = drawn[0].spec
+    scene = SCENES[spec.scene.name].builder(spec.scene.params)
+    sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
+    paths = {name: spec.path(view) for name, (spec, view) in views.items()}
+    file = folder / "figures" / f"{PREFIX}arm.png"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    title = f"{spec.scene.name}: the arm before the scene"
+    return [draw_arm(scene, sensor, arms[0], paths, title, file)]
+
+
+def _draw_superpositions(
+    drawn: Sequence[Drawn], found: Mapping[str, RigidTransform], folder: Path
+) -> list[Path]:
+    """A figure and a cloud for each method that answered; of two views the pair's own will do."""
+    views = _views(drawn)
     if len(views) < 3:
-        return files
+        return []
     points_mm = {
         name: measured_points(scan_view(spec, view)) for name, (spec, view) in views.items()
     }
-    for label in labels:
-        estimated, exact = _links(drawn, rows, label)
+    colours = _colours(points_mm)
+    files = []
+    for label in dict.fromkeys(trial.label for trial, _ in drawn):
+        estimated, exact = _links([each for each in drawn if each.trial.label == label], found)
         if not estimated:
             continue
         reference = middle_view(exact, list(views))
         poses, truth = (poses_in(reference, links) for links in (estimated, exact))
-        title = f"{first.scene.name}: all views in the frame of {reference}, method {label}"
+        title = f"{drawn[0].spec.scene.name}: all views in the frame of {reference}, method {label}"
         slug = f"{PREFIX}{file_slug(label)}"
+        file = folder / "figures" / f"{slug}_superposed.png"
+        file.parent.mkdir(parents=True, exist_ok=True)
         with Style():
-            figure = superposition(points_mm, poses, truth, title)
-            files.append(save(figure, pictures / f"{slug}_superposed.png"))
-        moved = [poses[name].apply(points_mm[name]) for name in poses]
-        colours = dict(zip(points_mm, _colours(len(points_mm)), strict=True))
+            files.append(save(superposition(points_mm, poses, truth, title), file))
+        moved = [pose.apply(points_mm[name]) for name, pose in poses.items()]
         rgb = [_bytes(colours[name]) for name in poses]
-        files.append(write_cloud(clouds / f"{slug}_merged.ply", moved, rgb))
+        files.append(write_cloud(folder / "scans" / f"{slug}_merged.ply", moved, rgb))
     return files
 
 
@@ -119,9 +157,9 @@ def superposition(
     figure, axes = projections(
         title, columns, [p for side in sides for p in side.values()], _note(points_mm, poses, truth)
     )
-    colours = dict(zip(points_mm, _colours(len(points_mm)), strict=True))
+    colours = _colours(points_mm)
     for column, side in enumerate(sides):
-        shown = {name: thinned(points) for name, points in side.items()}
+        shown = {name: thinned(points)[:SHOWN] for name, points in side.items()}
         points = np.concatenate(list(shown.values()))
         paint = np.concatenate(
             [np.tile(to_rgb(colours[name]), (len(part), 1)) for name, part in shown.items()]
@@ -144,19 +182,16 @@ def superposition(
     return figure
 
 
-def _links(drawn: Sequence[Drawn], rows: pd.DataFrame, label: str) -> tuple[list[Link], list[Link]]:
-    """What a method found at repeat 0, where it answered, and the exact poses of the same pairs."""
-    found = {row["id"]: row for row in rows.to_dict("records") if row["status"] == "ok"}
+def _links(
+    drawn: Sequence[Drawn], found: Mapping[str, RigidTransform]
+) -> tuple[list[Link], list[Link]]:
+    """What a method found for its pairs, where it answered, and the exact poses of all of them."""
     estimated, exact = [], []
     for trial, spec in drawn:
-        if trial.label != label:
-            continue
         names = spec.target.name, spec.source.name
-        paths = spec.path(spec.target), spec.path(spec.source)
-        exact.append(Link(*names, exact_pose(*paths)))
+        exact.append(Link(*names, exact_pose(spec.path(spec.target), spec.path(spec.source))))
         if trial.id in found:
-            pose = RigidTransform.from_matrix(found[trial.id]["T_estimated"])
-            estimated.append(Link(*names, pose))
+            estimated.append(Link(*names, found[trial.id]))
     return estimated, exact
 
 
@@ -179,8 +214,8 @@ def _note(
     return f"Pair by pair from the middle view: {'; '.join(parts)}."
 
 
-def _colours(count: int) -> list[str]:
-    return [VIEW_COLOURS[i % len(VIEW_COLOURS)] for i in range(count)]
+def _colours(names: Iterable[str]) -> dict[str, str]:
+    return {name: VIEW_COLOURS[i % len(VIEW_COLOURS)] for i, name in enumerate(names)}
 
 
 def _bytes(colour: str) -> tuple[int, int, int]:

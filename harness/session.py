@@ -101,12 +101,13 @@ def execute(
         yield done
 
 
-def draw_whole(session: Session) -> list[Path]:
+def draw_whole(session: Session, make_executor: MakeExecutor) -> list[Path]:
     """Draw what concerns no single pair: the arm, and all views superposed; returns the files."""
     from harness.overview import draw_overview  # it brings matplotlib
 
     labels = [m.label or m.name for m in session.experiment.methods if m.figures]
-    return draw_overview(session.trials, labels, load(session.folder), session.folder)
+    rows = load(session.folder)
+    return draw_overview(session.trials, labels, rows, session.folder, make_executor)
 
 
 def report(session: Session) -> list[Table]:
