@@ -22,14 +22,16 @@ from harness.table_files import Table, write_tables
 from harness.trials import checked_params
 from registration.calibration import Calibration
 from registration.calibration_fit import TargetScan, fit_calibration
-from registration.scan import FloatArray
+from registration.scan import FloatArray, Scan
 from sensors import SENSORS
-from sensors.calibration import OFFSET_Z_MM
+from sensors.calibration import OFFSET_Y_MM, OFFSET_Z_MM
 from sensors.card import measure_card
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.target_scans import scan_target
 
 Turn = tuple[Angle, Angle]
+FACING: Turn = (0.0, 0.0)
+RAW_Y, RAW_Z = "Y' (mm)", "Z' (mm)"
 Turns = Annotated[tuple[Turn, ...], Field(min_length=1)]
 RawDepths = Annotated[tuple[Length, ...], Field(min_length=2)]
 
@@ -61,7 +63,12 @@ class Measurements:
     @property
     def facing(self) -> list[TargetScan]:
         """The targets parallel to X and Y, in the order of the raw depths."""
-        return [self.targets[depth, (0.0, 0.0)] for depth in self.raw_depths_mm]
+        return [self.targets[depth, FACING] for depth in self.raw_depths_mm]
+
+
+def raw(scan: Scan) -> tuple[FloatArray, FloatArray]:
+    """Y' and Z' of a scan in mm, (3-2) and (3-3) turned round."""
+    return OFFSET_Y_MM - scan.points_mm[..., 1], OFFSET_Z_MM - scan.points_mm[..., 2]
 
 
 def load_precision(
@@ -77,7 +84,7 @@ def load_precision(
         raise ConfigError(path, ("sensor", "name"), message)
     key = ("sensor", "params")
     params = checked_params(SENSORS[choice.name].params_type, choice.params, path, key)
-    if (0.0, 0.0) not in experiment.turns_deg:
+    if FACING not in experiment.turns_deg:
         raise ConfigError(path, ("turns_deg",), "should hold [0, 0], the target parallel to X, Y")
     return experiment, params
 
