@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
+AT_ONCE = ("precision", "profiles")  # experiments.at_once.RUNS, which imports too much for --help
 
 DESCRIPTION = """\
 Run an experiment: scan a scene in simulation, register pairs of views, score the estimates against
@@ -39,8 +40,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if options.list:
             return _list()
-        if options.config is not None and experiment_kind(options.config) == "precision":
-            return _run_precision(options)
+        if options.config is not None and experiment_kind(options.config) in AT_ONCE:
+            return _run_at_once(options)
         if options.config is not None:
             load_experiment(options.config, options.set, options.seed)
             if not (options.dry_run or options.trial or options.show_scene):
@@ -137,15 +138,18 @@ def _list() -> int:
     return EXIT_OK
 
 
-def _run_precision(options: argparse.Namespace) -> int:
-    from experiments import commands
+def _run_at_once(options: argparse.Namespace) -> int:
+    from experiments.at_once import RUNS, show_run
+    from harness.config import experiment_kind
     from harness.config_errors import ConfigError
 
     for name in ("trial", "report_only", "dry_run", "show_scene"):
         if getattr(options, name):
             flag = "--" + name.replace("_", "-")
             raise ConfigError(flag, (), f"says nothing to {options.config}, which has no trials")
-    return commands.show_precision(options.config, options.out, options.set, options.seed)
+    run = RUNS[experiment_kind(options.config)]
+    show_run(run, options.config, options.out, options.set, options.seed)
+    return EXIT_OK
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -130,6 +130,7 @@ def show_paths(console: Console, folder: Path) -> None:
         ("figures/*", "figures"),
         ("calibration.json", "bias and noise of the sensor, for registration"),
         ("scans/*.ply", "scans and merged clouds, in mm"),
+        ("profiles.csv", "one row a pair of profiles"),
         ("trials.sqlite", "one row a trial"),
         ("config.yaml", "the configuration with all defaults"),
         ("run.json", "versions and machine"),

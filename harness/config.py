@@ -57,7 +57,7 @@ def load_experiment(
         _check_labels(random_pairs.methods, path)
         return random_pairs
     experiment: Experiment = validated(Experiment, data, path)
-    _check_names(experiment, path)
+    check_names(experiment, path)
     return experiment
 
 
@@ -183,7 +183,7 @@ def _matching_width(here: Any, parts: list[str]) -> int:
     return 1
 
 
-def _check_names(experiment: Experiment, path: Path) -> None:
+def check_names(experiment: Experiment, path: Path) -> None:
     """Every view and pair that is referred to exists, and labels are told apart."""
     for name, pair in experiment.pairs.items():
         for role in ("source", "target"):

@@ -113,10 +113,12 @@ def _verdict(
     shorter_mm = min(circle.length_mm.sum() for circle in circles)
     share = ranking.overlap_mm / shorter_mm
     if params.winners == "determined" and (ranking.parallel[0] or share[0] < params.min_overlap):
-        along = share[ranking.parallel]
-        if len(along) and along.max() >= params.min_overlap:
+        along = share[ranking.parallel].max(initial=0.0)
+        if along >= params.min_overlap:
+            crossing = share[~ranking.parallel].max(initial=0.0)
             return "underdetermined", (
-                "only parallel segments overlap, so the shift along them stays open"
+                f"only parallel segments overlap enough, by {along:.0%} of the shorter profile, "
+                f"so the shift along them stays open; of two directions, {crossing:.0%} overlap"
             )
     if share[0] < params.min_overlap:
         return "failed", (

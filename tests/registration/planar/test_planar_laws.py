@@ -175,7 +175,7 @@ def test_poor_profiles_come_back_with_status_and_reason() -> None:
     for target, source, status, reason in (
         (empty, good, "failed", "of the target has no straight segment"),
         (empty, empty, "failed", "of the target and of the source has no straight segment"),
-        (wall, wall, "underdetermined", "only parallel segments overlap"),
+        (wall, wall, "underdetermined", "of two directions, 0% overlap"),
         (two, good, "failed", "the target has 2 profiles and the source 1"),
     ):
         result = register_profiles(target, source, PlanarParams())

@@ -1,0 +1,228 @@
+"""The experiment `profiles`: two views registered profile by profile in the plane (section 6.2)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import RigidTransform
+
+from harness.config import check_names, dump_yaml, overridden_mapping, validated
+from harness.config_errors import ConfigError
+from harness.execution import scan_view
+from harness.provenance import code_fingerprint, run_facts
+from harness.schema import Experiment
+from harness.scoring import pose_error, six_parameters
+from harness.table_files import Table, write_tables
+from harness.trials import Trial, TrialSpec, build_trials
+from registration.methods import METHODS, PROFILE_METHODS, find_method
+from registration.result import RegistrationResult
+from registration.scan import BoolArray, FloatArray, Scan
+
+KIND = "profiles"
+CUTOFF = 3.5
+MOTION = ("rotation_x_deg", "y_mm", "z_mm")  # what a plane tells of a pose
+
+
+class ProfilesExperiment(Experiment):
+    """An experiment on pairs of views whose profiles k are registered to each other one by one."""
+
+    experiment: Literal["profiles"]
+
+
+@dataclass(frozen=True)
+class ProfilePair:
+    """One pair of profiles as the figures need it, and what a method made of it.
+
+    target, source: scans of one profile. exact: their exact T_target_source.
+    """
+
+    trial: Trial
+    target_view: str
+    source_view: str
+    profile: int
+    elevation_mm: float
+    target: Scan
+    source: Scan
+    exact: RigidTransform
+    result: RegistrationResult
+
+
+def run_profiles(
+    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+) -> tuple[list[Table], Path]:
+    """Register all pairs of profiles, write rows, tables and figures; returns tables and folder.
+
+    Raises ConfigError before anything is written. All of it takes seconds: nothing is kept of a
+    run that was cut off.
+    """
+    from experiments.profile_figures import draw_profiles
+    from experiments.profile_tables import profile_tables
+
+    experiment, trials = load_profiles(path, overrides, seed)
+    rows = measure(trials)
+    folder = folder or Path("results") / path.stem
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "config.yaml").write_text(dump_yaml(_resolved(experiment, trials)), encoding="utf-8")
+    facts = run_facts(code_fingerprint(method.name for method in experiment.methods))
+    (folder / "run.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+    rows.drop(columns="ms").to_csv(folder / "profiles.csv", index=False, lineterminator="\n")
+    tables = profile_tables(experiment, rows)
+    write_tables(tables, folder / "tables")
+    draw_profiles(experiment, trials, rows, folder / "figures")
+    return tables, folder
+
+
+def load_profiles(
+    path: Path, overrides: Sequence[str] = (), seed: int | None = None
+) -> tuple[ProfilesExperiment, tuple[Trial, ...]]:
+    """Read and check a config; a trial holds all profiles of a pair. Raises ConfigError."""
+    data = overridden_mapping(path, overrides, seed)
+    experiment: ProfilesExperiment = validated(ProfilesExperiment, data, path)
+    check_names(experiment, path)
+    for index, method in enumerate(experiment.methods):
+        if method.name in METHODS:
+            raise ConfigError(
+                path,
+                ("methods", index, "name"),
+                f"{method.name!r} registers whole scans; single profiles are registered by "
+                f"{', '.join(PROFILE_METHODS)}, or a function of your own",
+            )
+    return experiment, build_trials(experiment, path)
+
+
+def measure(trials: Sequence[Trial]) -> pd.DataFrame:
+    """Register every profile of every trial; a row for each, the outliers marked.
+
+    Columns: pair, method, repeat, profile, elevation_mm, status, reason, the MOTION, found and as
+    exact_*, rotation_error_deg, translation_error_mm, outlier, ms.
+    """
+    frames = []
+    for trial in trials:
+        rows = pd.DataFrame([_row(pair) for pair in register_profiles(trial)])
+        rows["outlier"] = outliers(rows[list(MOTION)].to_numpy(dtype=np.float64))
+        frames.append(rows)
+    return pd.concat(frames, ignore_index=True)
+
+
+def register_profiles(trial: Trial) -> Iterator[ProfilePair]:
+    """Scan the views of a trial and register their profiles, one after the other."""
+    spec = trial.spec
+    if not isinstance(spec, TrialSpec):
+        raise TypeError(f"{type(spec).__name__} names no views")
+    target, source = scan_view(spec, spec.target), scan_view(spec, spec.source)
+    target_path, source_path = spec.path(spec.target), spec.path(spec.source)
+    exact = target_path.T_world_profile.inv() * source_path.T_world_profile
+    elevation_mm = target_path.T_world_profile.translation[:, 2]
+    method = find_method(spec.method.name)
+    for k in range(spec.profiles):
+        profiles = one_profile(target, k), one_profile(source, k)
+        start = time.perf_counter()
+        result = method.function(*profiles, spec.method.params)
+        ms = 1e3 * (time.perf_counter() - start)
+        result = dataclasses.replace(result, stage_ms=result.stage_ms | {"registration": ms})
+        views = spec.target.name, spec.source.name
+        yield ProfilePair(trial, *views, k, float(elevation_mm[k]), *profiles, exact[k], result)
+
+
+def one_profile(scan: Scan, profile: int) -> Scan:
+    """One profile of a scan as a scan of its own, in the sensor frame of that profile."""
+    points_mm = scan.points_mm[profile : profile + 1] - [profile * scan.step_mm, 0.0, 0.0]
+    intensity = None if scan.intensity is None else scan.intensity[profile : profile + 1]
+    return Scan.from_points(points_mm, scan.step_mm, intensity, scan.apex_mm)
+
+
+def outliers(values: FloatArray) -> BoolArray:
+    """Which of the motions (n, 3) lie far from the others in the turn, along Y or along Z.
+
+    values: degrees, mm, mm; NaN where there is no answer, which is no outlier. Far is a modified
+    z-score above 3.5: the distance from the median beyond 3.5 / 0.6745 median absolute deviations
+    (Iglewicz and Hoaglin, How to detect and handle outliers, 1993).
+    """
+    known = np.isfinite(values).all(axis=1)
+    far = np.zeros(len(values), dtype=bool)
+    if not known.any():
+        return far
+    distance = np.abs(values[known] - middle(values[known]))
+    distance[:, 0] = np.minimum(distance[:, 0] % 360.0, -distance[:, 0] % 360.0)
+    deviation = np.median(distance, axis=0)
+    # Exact scans agree to rounding: that far is not far.
+    far[known] = np.any(0.6745 * distance > CUTOFF * np.maximum(deviation, 1e-6), axis=1)
+    return far
+
+
+def middle(values: FloatArray) -> FloatArray:
+    """The median of motions (n, 3), the turn's taken about the one that is nearest to all."""
+    turn = values[:, 0]
+    apart = np.mod(turn[:, None] - turn[None] + 180.0, 360.0) - 180.0
+    nearest = np.abs(apart).sum(axis=0).argmin()
+    centre: FloatArray = np.median(
+        np.column_stack([turn[nearest] + apart[:, nearest], values[:, 1:]]), axis=0
+    )
+    return centre
+
+
+def mean_motion(rows: pd.DataFrame) -> FloatArray:
+    """(3,) mean of the rows that are answered and no outliers; NaN when there is none."""
+    values = rows.loc[~rows["outlier"], list(MOTION)].dropna().to_numpy(dtype=np.float64)
+    if len(values) == 0:
+        return np.full(3, np.nan)
+    centre = middle(values)
+    apart = values - centre
+    apart[:, 0] = np.mod(apart[:, 0] + 180.0, 360.0) - 180.0
+    mean: FloatArray = centre + apart.mean(axis=0)
+    return mean
+
+
+def _row(pair: ProfilePair) -> dict[str, Any]:
+    pose = pair.result.T_target_source
+    nothing = dict.fromkeys((*MOTION, "rotation_error_deg", "translation_error_mm"), np.nan)
+    row: dict[str, Any] = {
+        "pair": pair.trial.pair,
+        "method": pair.trial.label,
+        "repeat": pair.trial.spec.repeat,
+        "profile": pair.profile,
+        "elevation_mm": pair.elevation_mm,
+        "status": pair.result.status,
+        "reason": pair.result.reason,
+        **nothing,
+        **{f"exact_{name}": value for name, value in _motion(pair.exact).items()},
+        "ms": pair.result.stage_ms["registration"],
+    }
+    if pose is not None:
+        error = pose_error(pair.exact, pose)
+        row |= _motion(pose)
+        row["rotation_error_deg"] = float(np.rad2deg(error.rotation_rad))
+        row["translation_error_mm"] = error.translation_mm
+    return row
+
+
+def _motion(pose: RigidTransform) -> dict[str, float]:
+    return dict(zip(MOTION, six_parameters(pose)[[0, 4, 5]].tolist(), strict=True))
+
+
+def _resolved(experiment: ProfilesExperiment, trials: Sequence[Trial]) -> dict[str, Any]:
+    """The configuration with every default and preset written out."""
+    data: dict[str, Any] = experiment.model_dump(mode="json", exclude_none=True)
+    spec = trials[0].spec
+    assert isinstance(spec, TrialSpec)
+    data["scene"]["params"] = _plain(spec.scene.params)
+    data["sensor"]["params"] = _plain(spec.sensor.params)
+    params = {trial.label: trial.spec.method.params for trial in trials}
+    for method in data["methods"]:
+        method.pop("preset", None)
+        method["params"] = _plain(params[method.get("label", method["name"])])
+    return data
+
+
+def _plain(params: Any) -> Any:
+    if not dataclasses.is_dataclass(params) or isinstance(params, type):
+        return params
+    return json.loads(json.dumps(dataclasses.asdict(params)))

@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.cli import main
+from experiments.profile_figures import telling_pair
+from experiments.profile_pairs import (
+    MOTION,
+    load_profiles,
+    mean_motion,
+    measure,
+    middle,
+    one_profile,
+    outliers,
+    register_profiles,
+)
+from experiments.profile_tables import profile_tables
+from harness.config_errors import ConfigError
+from registration import Scan
+
+CONFIG = Path(__file__).parents[2] / "configs" / "foam_2d.yaml"
+EXACT = "sensor.params={noise: {enabled: false}}"
+
+
+@pytest.fixture(scope="module")
+def exact_rows() -> pd.DataFrame:
+    _, trials = load_profiles(CONFIG, [EXACT, "repeats=1"])
+    return measure(trials)
+
+
+def test_exact_profiles_give_the_pose_of_the_views(exact_rows: pd.DataFrame) -> None:
+    exact = exact_rows[[f"exact_{name}" for name in MOTION]].to_numpy()
+    np.testing.assert_allclose(exact, np.tile([-58.40, -458.2, 383.2], (len(exact), 1)), atol=1e-9)
+    found = exact_rows[exact_rows["method"] == "planar"].dropna(subset=["rotation_error_deg"])
+    assert len(found) >= 22
+    # WARP lets lines run past their corners, which turns them a little even without noise.
+    assert found["rotation_error_deg"].max() < 1.0
+    assert found["translation_error_mm"].max() < 7.0
+
+
+def test_a_pair_without_an_answer_says_why(exact_rows: pd.DataFrame) -> None:
+    open_ = exact_rows[exact_rows["rotation_x_deg"].isna()]
+    assert len(open_)
+    assert (open_["status"] != "ok").all()
+    assert (open_["reason"].str.len() > 20).all()
+    assert not open_["outlier"].any()
+
+
+def test_the_elevations_are_equal_steps_along_the_vertical(exact_rows: pd.DataFrame) -> None:
+    heights = exact_rows["elevation_mm"].to_numpy()[:44]
+    np.testing.assert_allclose(np.diff(heights), 5.0)
+    assert heights[0] == pytest.approx(115.0 - 0.5 * 43 * 5.0)
+
+
+def test_rows_are_the_same_in_every_run() -> None:
+    _, trials = load_profiles(CONFIG, ["scan.profiles=5", "repeats=1"])
+    first, second = (measure(trials).drop(columns="ms") for _ in range(2))
+    pd.testing.assert_frame_equal(first, second)
+
+
+def test_outliers_are_far_from_the_median_in_any_parameter() -> None:
+    rng = np.random.default_rng(3)
+    values = rng.normal([-58.0, -450.0, 380.0], [0.3, 2.0, 2.0], (40, 3)).clip(-460.0, 390.0)
+    values[5, 0] += 5.0
+    values[6, 2] -= 30.0
+    values[7] = np.nan
+    far = set(np.flatnonzero(outliers(values)))
+    assert {5, 6} <= far
+    assert 7 not in far
+    assert len(far) < 5
+    assert not outliers(np.full((3, 3), np.nan)).any()
+    assert not outliers(np.zeros((4, 3)) + 1e-9 * np.arange(4)[:, None]).any()
+
+
+@pytest.mark.parametrize("turn", [0.0, 90.0, 179.0])
+def test_outliers_and_mean_do_not_mind_where_angles_are_cut(turn: float) -> None:
+    rng = np.random.default_rng(8)
+    values = np.column_stack([rng.normal(0.0, 1.0, 31), rng.normal(0.0, 1.0, (31, 2))])
+    values[4, 0] = 60.0
+    moved = values.copy()
+    moved[:, 0] = np.mod(values[:, 0] + turn + 180.0, 360.0) - 180.0
+    far = outliers(values)
+    np.testing.assert_array_equal(outliers(moved), far)
+    apart = (middle(moved) - middle(values) - [turn, 0.0, 0.0])[0]
+    assert np.mod(apart + 180.0, 360.0) - 180.0 == pytest.approx(0.0, abs=1e-9)
+    means = [
+        mean_motion(pd.DataFrame(v, columns=list(MOTION)).assign(outlier=far))
+        for v in (values, moved)
+    ]
+    assert means[0][0] == pytest.approx(values[~far, 0].mean())
+    apart = means[1][0] - means[0][0] - turn
+    assert np.mod(apart + 180.0, 360.0) - 180.0 == pytest.approx(0.0, abs=1e-9)
+
+
+def test_one_profile_lies_in_its_own_frame() -> None:
+    points = np.random.default_rng(0).normal(size=(4, 7, 3))
+    points[..., 0] = 5.0 * np.arange(4)[:, None]
+    cut = one_profile(Scan.from_points(points, 5.0, intensity=points[..., 1]), 2)
+    np.testing.assert_array_equal(cut.points_mm[0, :, 1:], points[2, :, 1:])
+    np.testing.assert_array_equal(cut.points_mm[..., 0], 0.0)
+    np.testing.assert_array_equal(cut.intensity[0], points[2, :, 1])
+
+
+def test_the_mean_stands_beside_the_thesis(exact_rows: pd.DataFrame) -> None:
+    experiment, _ = load_profiles(CONFIG, ["repeats=1"])
+    means, left_out = profile_tables(experiment, exact_rows)
+    frame = means.frame.set_index("Source")
+    thesis = frame.loc["thesis, experiment"]
+    np.testing.assert_allclose(
+        thesis[["Rotation error (deg)", "Y error (mm)", "Z error (mm)"]].astype(float),
+        [-0.55, 4.4, 0.4],
+    )
+    assert thesis["In the mean"] == "42 of 44"
+    of_planar = exact_rows[exact_rows["method"] == "planar"]
+    assert frame.loc["planar", "Rotation X (deg)"] == pytest.approx(mean_motion(of_planar)[0])
+    used = int((of_planar["rotation_x_deg"].notna() & ~of_planar["outlier"]).sum())
+    assert frame.loc["planar", "In the mean"] == f"{used} of 44"
+    assert left_out.frame.loc[left_out.frame["Method"] == "planar", "Pairs"].sum() == 44 - used
+
+
+def test_the_pair_that_is_drawn_has_most_matches() -> None:
+    _, trials = load_profiles(CONFIG, [EXACT, "repeats=1", "scan.profiles=8"])
+    pairs = list(register_profiles(trials[0]))
+    shown = telling_pair(pairs)
+    assert shown is not None
+    counts = [len(p.result.evidence["planar"].matches.pairs) for p in pairs]
+    assert len(shown[1].matches.pairs) == max(counts)
+    assert telling_pair([]) is None
+
+
+def test_the_command_writes_rows_tables_and_figures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["scan.profiles=6", "repeats=2", "methods=[{name: planar, preset: thesis}]"]
+    arguments = [part for option in options for part in ("--set", option)]
+    assert main([str(CONFIG), "--out", str(tmp_path / "out"), *arguments]) == 0
+    assert len(pd.read_csv(tmp_path / "out" / "profiles.csv")) == 12
+    assert len(list((tmp_path / "out" / "tables").glob("*.md"))) == 3
+    names = {path.name[:11] for path in (tmp_path / "out" / "figures").glob("*.png")}
+    assert names == {f"figure_{n}" for n in ("4_04", "4_05", "4_06", "4_07", "4_08", "4_09",
+                                             "6_02", "6_03")}  # fmt: skip
+    assert "Written:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("methods=[{name: thesis}]", "'thesis' registers whole scans; .* planar"),
+        ("methods=[{name: planar, preset: exact}]", "unknown preset 'exact'"),
+        ("methods=[{name: planar, params: {refinement: points}}]", "refinement"),
+        ("scan.step_mm=-5", "scan.step_mm"),
+        ("pairs.6.2 foam.source=west", "unknown view 'west'"),
+    ],
+)
+def test_a_wrong_config_is_one_line(change: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message) as raised:
+        load_profiles(CONFIG, [change])
+    assert "\n" not in str(raised.value)
+
+
+def test_what_has_no_trials_cannot_be_rehearsed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(CONFIG), "--dry-run", "--out", str(tmp_path / "out")]) == 2
+    assert "--dry-run: says nothing to" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
