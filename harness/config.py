@@ -196,6 +196,10 @@ def check_names(experiment: Experiment, path: Path) -> None:
                 )
         if pair.source == pair.target:
             raise ConfigError(path, ("pairs", name), "source and target are the same view")
+    for name in experiment.compaction:
+        if name not in experiment.views:
+            message = f"unknown view {name!r}; {nearest(name, experiment.views)}"
+            raise ConfigError(path, ("compaction", name), message)
     _check_labels(experiment.methods, path)
 
 

@@ -116,9 +116,18 @@ class Pair(Strict):
     estimated: PrintedPose | None = None
 
 
+class Compaction(Strict):
+    """What the thesis counted in a view: measured points, patches, normals after merging."""
+
+    points: int | None = None
+    patches: int | None = None
+    normals: int | None = None
+
+
 class Experiment(Strict):
     """One experiment: a scene, a sensor, views, pairs of them, methods and repeats.
 
+    compaction: by view, what the thesis counted in its own.
     arm: what carries the sensor, as ArmParams; null moves it exactly as commanded, without an arm.
     rotation_labels: how the labels of the printed angles are read (the tables 6.2 to 6.5 name
         another axis than the one that was turned): printed, swapped (X and Z) or cyclic.
@@ -133,6 +142,7 @@ class Experiment(Strict):
     rotation_labels: RotationLabels = "printed"
     views: dict[str, View] = Field(min_length=1)
     pairs: dict[str, Pair] = Field(min_length=1)
+    compaction: dict[str, Compaction] = Field(default_factory=dict)
     methods: tuple[MethodChoice, ...] = Field(min_length=1)
     repeats: int = Field(default=1, ge=1, le=100_000)
     seed: int = Field(default=0, ge=0)

@@ -22,6 +22,7 @@ from harness.store import Store, StoreError, load
 from harness.table_files import Table, write_tables
 from harness.tables import all_tables
 from harness.trials import Trial, build_trials, full_specs
+from harness.view_tables import arm_table
 
 # Tables that only their files are for.
 FILES_ONLY = ("curves",)
@@ -113,8 +114,8 @@ def draw_whole(session: Session, make_executor: MakeExecutor) -> list[Path]:
 def report(session: Session) -> list[Table]:
     """Build the tables from the rows and write them; raises StoreError.
 
-    Beside those returned, the card of the sensor is written and the points of the curves, which
-    nobody needs to see at every run.
+    Beside those returned, the card of the sensor, how the arm stood and the points of the curves
+    are written, which nobody needs to see at every run.
     """
     rows = load(session.folder)
     if rows.empty:
@@ -128,7 +129,8 @@ def report(session: Session) -> list[Table]:
         tables = all_tables(session.experiment, rows)
     sensor = session.trials[0].spec.sensor
     card = card_table(sensor.name, sensor.params)
-    write_tables([*tables, *([card] if card else [])], session.folder / "tables")
+    quiet = [table for table in (arm_table(session.trials), card) if table is not None]
+    write_tables([*tables, *quiet], session.folder / "tables")
     return [table for table in tables if table.name not in FILES_ONLY]
 
 

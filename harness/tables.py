@@ -11,6 +11,7 @@ from harness.pair_tables import pair_tables
 from harness.schema import Experiment
 from harness.scoring import COARSE, FINE, PoseError, Tolerance, is_success, wilson_interval
 from harness.table_files import Table
+from harness.view_tables import compaction_table
 
 ENTRIES = {
     "": "scans (the whole method)",
@@ -22,7 +23,7 @@ ENTRIES = {
 
 
 def all_tables(experiment: Experiment, rows: pd.DataFrame) -> list[Table]:
-    """Every table there are rows for: stages, successes, accuracy, failures, pairs and times.
+    """Every table there are rows for: stages, successes, accuracy, failures, views, pairs, times.
 
     rows: as store.load gives them.
     """
@@ -33,6 +34,9 @@ def all_tables(experiment: Experiment, rows: pd.DataFrame) -> list[Table]:
     failures = failure_table(rows)
     if len(failures.frame):
         tables.append(failures)
+    compaction = compaction_table(experiment, whole)
+    if compaction is not None:
+        tables.append(compaction)
     return [*tables, *pair_tables(experiment, whole), timing_table(whole)]
 
 
