@@ -11,10 +11,12 @@ from matplotlib.figure import Figure
 from harness.figures_measurements import draw_filtering, draw_measurements
 from harness.figures_page import Style, save
 from harness.figures_planes import draw_patches, draw_segments, sorted_matches
+from harness.figures_point_labels import draw_labelled_points, spheres_of
 from harness.figures_shifts import draw_shifts
 from harness.figures_sphere import draw_gauss_spheres
 from harness.figures_superposition import draw_superposition
 from harness.pair_view import PairView
+from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.thesis.evidence import ViewEvidence
 from registration.thesis.translation import Shifts
 
@@ -33,7 +35,7 @@ def draw_pair(pair: PairView, folder: Path) -> list[Path]:
     """Draw all that a method left to be seen of a pair; returns the files, PNG.
 
     Every method gets its measurements and their superposition. The stages in between are drawn
-    where the result's evidence is that of the thesis method, as far as it got; files of an earlier
+    where the result has evidence of them, as far as it got; files of an earlier
     drawing of the same pair and method that no longer apply are removed.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -57,6 +59,12 @@ def _figures(pair: PairView) -> Iterator[tuple[str, Callable[[], Figure]]]:
     )
     yield "measurements", lambda: draw_measurements(pair, title)
     yield "superposition", lambda: draw_superposition(pair, title)
+    planes = pair.result.evidence.get("planes")
+    if isinstance(planes, PlaneEvidence):
+        yield "patches", lambda: draw_labelled_points(pair, planes, title)
+        both, same = spheres_of(planes)
+        yield "gauss_spheres", lambda: draw_gauss_spheres(pair, both, same, title)
+        return
     target, source = (pair.result.evidence.get(role) for role in ("target", "source"))
     if not (isinstance(target, ViewEvidence) and isinstance(source, ViewEvidence)):
         return

@@ -10,6 +10,7 @@ import numpy as np
 from registration.gauss_sphere.beams import Fan, fan_of
 from registration.gauss_sphere.bias import Bias, corrected, read_bias
 from registration.gauss_sphere.decision import distinct, judge, same, sliding
+from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import find_patches
 from registration.gauss_sphere.matching import Settled, settle
 from registration.gauss_sphere.params import GaussSphereParams
@@ -110,15 +111,15 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
             "failed",
             "no pose lays two planes of one view on planes of the other: the views may not overlap",
         )
-    result = judge(
-        distinct(settled, middle(source), params.decision), target, source, params.decision
-    )
+    ranked = distinct(settled, middle(source), params.decision)
+    result = judge(ranked, target, source, params.decision)
+    planes = PlaneEvidence(target, source, ranked[0].pairs, ranked[0].distance2)
     stage_ms = {
         "rotation": 1e3 * (turned - started),
         "translation": 1e3 * (shifted - turned),
         "verification": 1e3 * (perf_counter() - shifted),
     }
-    return replace(result, stage_ms=stage_ms)
+    return replace(result, stage_ms=stage_ms, evidence={"planes": planes})
 
 
 def settle_best(

@@ -1,0 +1,61 @@
+"""The planes of a method that labels points: every point coloured by the match of its plane."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from harness.figures_page import FRONT, PALE, TOP, amount, mixed_order, projections, roles
+from harness.figures_planes import NORMAL_COLOURS, normal_colours
+from harness.pair_view import PairView
+from registration.gauss_sphere.evidence import PlaneEvidence
+from registration.gauss_sphere.rotation import gauss_sphere
+from registration.scan import IntArray
+from registration.thesis.gauss_sphere import GaussSphere
+
+MAX_POINTS = 12000
+SAME_DIRECTION_RAD = 0.05  # of planes that share a dot on the Gauss sphere
+
+
+def draw_labelled_points(pair: PairView, planes: PlaneEvidence, title: str) -> Figure:
+    """Both views in their own frames, a colour for each pair of matched planes."""
+    views = (planes.target, planes.source)
+    columns = [
+        f"{role}: {view} view\n{amount(seen.patches.n_points.size, 'plane')} through "
+        f"{amount(int((seen.patches.label >= 0).sum()), 'point')}"
+        for (role, view, _), seen in zip(roles(pair), views, strict=True)
+    ]
+    note = (
+        f"{amount(len(planes.pairs), 'pair')} of planes matched; the largest "
+        f"{len(NORMAL_COLOURS)} have a colour each, the same in both views. Grey: other planes. "
+        "Points on no plane are left out."
+    )
+    points = [scan.points_mm for _, _, scan in roles(pair)]
+    figure, axes = projections(f"{title}\nPlanes", columns, points, note)
+    for column, (view, view_points) in enumerate(zip(views, points, strict=True)):
+        label = view.patches.label
+        colours = np.array(
+            [*normal_colours(view.patches.n_points.size, planes.pairs[:, column]), PALE]
+        )
+        on = np.flatnonzero(label.ravel() >= 0)
+        on = on[mixed_order(on.size)[:MAX_POINTS]]
+        for row, projection in enumerate((FRONT, TOP)):
+            shown = view_points.reshape(-1, 3)[on]
+            axes[row][column].scatter(
+                shown[:, projection.right], shown[:, projection.up], s=1.6,
+                c=colours[label.ravel()[on]], lw=0, rasterized=True,
+            )  # fmt: skip
+    return figure
+
+
+def spheres_of(planes: PlaneEvidence) -> tuple[tuple[GaussSphere, GaussSphere], IntArray]:
+    """The Gauss spheres of both views, and (k, 2) matches of their directions, largest first."""
+    target, source = (
+        GaussSphere(*gauss_sphere(view.patches, SAME_DIRECTION_RAD))
+        for view in (planes.target, planes.source)
+    )
+    matches = np.stack(
+        [target.member[planes.pairs[:, 0]], source.member[planes.pairs[:, 1]]], axis=1
+    )
+    _, first = np.unique(matches, axis=0, return_index=True)
+    return (target, source), matches[np.sort(first)]
