@@ -22,9 +22,10 @@ examples:
   run-experiment configs/desk.yaml --set pairs.6.4.source=right --dry-run
   run-experiment --list
   run-experiment --show-scene desk
+  run-experiment --register left.3dx right.3dx --step 5
 
-exit status: 0 done, 1 when trials ended with an error, 2 when the request is wrong (nothing is
-written then), 130 when interrupted."""
+exit status: 0 done, 1 when trials ended with an error or --register found no sure pose, 2 when the
+request is wrong (nothing is written then), 130 when interrupted."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -38,6 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     limit_threads()
     try:
+        _check_register(options)
         if options.list:
             return _list()
         if options.config is not None and experiment_kind(options.config) in AT_ONCE:
@@ -46,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             load_experiment(options.config, options.set, options.seed)
             if not (options.dry_run or options.trial or options.show_scene):
                 start_server()  # it imports while this process does
-        elif options.show_scene is None:
+        elif options.show_scene is None and options.register is None:
             raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     except ConfigError as error:
         return _refuse(error)
@@ -103,7 +105,36 @@ def _parser() -> argparse.ArgumentParser:
         help="save a picture of a scene to results/scenes or DIR; with CONFIG, that of its scene "
         "and views",
     )
+    what.add_argument(
+        "--register",
+        nargs=2,
+        type=Path,
+        metavar=("TARGET", "SOURCE"),
+        help="register two scans of your own, .3dx files or .npz files with points_mm (profiles, "
+        "pixels, 3); print the pose and write the merged cloud to DIR",
+    )
+    parser.add_argument(
+        "--step", type=_length, metavar="MM", help="for --register: distance between profiles"
+    )
+    parser.add_argument(
+        "--method", metavar="NAME", help="for --register: the method [gauss_sphere]"
+    )
     return parser
+
+
+def _check_register(options: argparse.Namespace) -> None:
+    """Options that say nothing to what is asked are refused, not passed over."""
+    from harness.config_errors import ConfigError
+
+    if options.register is None:
+        for name in ("step", "method"):
+            if getattr(options, name) is not None:
+                raise ConfigError(f"--{name}", (), "belongs to --register TARGET SOURCE")
+        return
+    for name in ("config", "set", "seed", "workers"):
+        if getattr(options, name) not in (None, []):
+            flag = "CONFIG" if name == "config" else f"--{name}"
+            raise ConfigError(flag, (), "says nothing to --register, which reads two files")
 
 
 def _refuse(error: Exception) -> int:
@@ -121,6 +152,16 @@ def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1")
     return int(text)
+
+
+def _length(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is no length above 0 mm")
+    return value
 
 
 def _list() -> int:
@@ -143,7 +184,7 @@ def _run_at_once(options: argparse.Namespace) -> int:
     from harness.config import experiment_kind
     from harness.config_errors import ConfigError
 
-    for name in ("trial", "report_only", "dry_run", "show_scene"):
+    for name in ("trial", "report_only", "dry_run", "show_scene", "register"):
         if getattr(options, name):
             flag = "--" + name.replace("_", "-")
             raise ConfigError(flag, (), f"says nothing to {options.config}, which has no trials")
@@ -156,6 +197,12 @@ def _run(options: argparse.Namespace) -> int:
     # A method of the user's own, "package.module:function", lies where the command is called.
     if str(Path.cwd()) not in sys.path:
         sys.path.append(str(Path.cwd()))
+    if options.register is not None:
+        from experiments.own_scans import register_files
+
+        target, source = options.register
+        method = options.method or "gauss_sphere"
+        return register_files(target, source, options.step, method, options.out)
     from experiments import commands
     from harness.session import open_session
 

@@ -1,0 +1,94 @@
+"""Registers two scans of the user's own from files, and tells how it went."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from experiments.cli import EXIT_FAILED, EXIT_OK
+from experiments.terminal import make_console
+from harness.clouds import SOURCE_RGB, TARGET_RGB, measured_points, write_cloud
+from harness.config_errors import ConfigError
+from harness.scoring import six_parameters
+from registration.methods import UnknownMethodError, find_method, register
+from registration.peers import MissingPeerError
+from registration.result import RegistrationResult
+from registration.scan import FloatArray
+from sensors.scan_files import ScanFileError, read_scan
+
+
+def register_files(
+    target_file: Path, source_file: Path, step_mm: float | None, method: str, folder: Path | None
+) -> int:
+    """Register the source to the target, print the result, write the merged cloud.
+
+    Returns the exit status: EXIT_FAILED without an estimate. Raises ConfigError, one line, before
+    anything is written.
+    """
+    try:
+        find_method(method)
+        target, source = (read_scan(file, step_mm) for file in (target_file, source_file))
+        result = register(target, source, method)
+    except (ScanFileError, UnknownMethodError, MissingPeerError) as error:
+        raise ConfigError("--register", (), str(error)) from None
+    console = make_console()
+    _tell(console, result)
+    pose = result.T_target_source
+    if pose is None:
+        return EXIT_FAILED
+    folder = folder or Path("results") / f"{target_file.stem}_{source_file.stem}"
+    merged = [measured_points(target), pose.apply(measured_points(source))]
+    facts = {
+        "target": str(target_file),
+        "source": str(source_file),
+        "method": method,
+        "status": result.status,
+        "reason": result.reason,
+        "T_target_source": pose.as_matrix().tolist(),
+        "covariance": None if result.covariance is None else result.covariance.tolist(),
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        cloud = write_cloud(folder / "merged.ply", merged, [TARGET_RGB, SOURCE_RGB])
+        answer = folder / "registration.json"
+        answer.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        message = f"{folder} cannot be a results folder: {error.strerror}; give another"
+        raise ConfigError("--out", (), message) from None
+    console.print(f"Written:\n  {cloud}  target blue, source orange, in mm\n  {answer}")
+    return EXIT_OK if result.status == "ok" else EXIT_FAILED
+
+
+def _tell(console: Console, result: RegistrationResult) -> None:
+    """Status, pose as matrix and six parameters, and how sure the method is of it."""
+    reason = f": {result.reason}" if result.reason else ""
+    lines = [f"Status: {result.status}{reason}"]
+    pose = result.T_target_source
+    if pose is not None:
+        six = six_parameters(pose)
+        lines += ["T_target_source, p_target = R p_source + T, in mm:"]
+        lines += ["  " + " ".join(f"{value:12.6f}" for value in row) for row in pose.as_matrix()]
+        lines += [
+            f"  rotation X, Y, Z     {_row(six[:3], 4)} deg, R = Rz Ry Rx",
+            f"  translation X, Y, Z  {_row(six[3:], 3)} mm",
+        ]
+        if result.covariance is None:
+            lines += ["The method does not say how sure it is."]
+        else:
+            spread = np.sqrt(np.diagonal(result.covariance))
+            lines += [
+                "Standard deviations of a small motion in the target's frame:",
+                f"  about X, Y, Z        {_row(np.rad2deg(spread[:3]), 4)} deg",
+                f"  along X, Y, Z        {_row(spread[3:], 3)} mm",
+            ]
+    for direction in result.undetermined:
+        turn, shift = (_row(part, 3) for part in (direction[:3], direction[3:]))
+        lines += [f"Left open by the scans: turn {turn}, shift {shift} (rad and mm alike)"]
+    console.print("\n".join(lines), markup=False, soft_wrap=True)
+
+
+def _row(values: FloatArray, decimals: int) -> str:
+    return " ".join(f"{value:10.{decimals}f}" for value in values)

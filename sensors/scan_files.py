@@ -1,0 +1,83 @@
+"""Scans from files: what a profile scanner wrote, or arrays of one's own."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from registration.scan import Scan, ScanError
+from sensors import threedx
+from sensors.threedx import ThreeDxError
+
+ARRAYS = ("points_mm", "step_mm", "intensity", "apex_mm")
+
+
+class ScanFileError(ValueError):
+    """A file that holds no scan; the message names it and what is wrong."""
+
+
+def read_scan(path: Path, step_mm: float | None) -> Scan:
+    """Read a .3dx file, or an .npz file with points_mm (profiles, pixels, 3), NaN = no return.
+
+    step_mm: between profiles along X. A .3dx file does not hold it; an .npz file may, as `step_mm`,
+    beside `intensity` and `apex_mm` as of Scan, and it is taken from there when None is given.
+    Raises ScanFileError.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        known = ", ".join(READERS)
+        raise ScanFileError(f"{path}: {path.suffix or 'no ending'} is not read; known are {known}")
+    try:
+        return reader(path, step_mm)
+    except OSError as error:
+        raise ScanFileError(f"{path}: {error.strerror or 'cannot be read'}") from None
+    except ThreeDxError as error:
+        raise ScanFileError(str(error)) from None
+    except ScanError as error:
+        raise ScanFileError(f"{path}: {error}") from None
+
+
+def _read_threedx(path: Path, step_mm: float | None) -> Scan:
+    raw = threedx.read(path)
+    if step_mm is None:
+        raise ScanFileError(
+            f"{path}: the file does not hold the step between profiles; give it, as --step"
+        )
+    return threedx.to_scan(raw, step_mm)
+
+
+def _read_npz(path: Path, step_mm: float | None) -> Scan:
+    arrays = _load_npz(path)
+    unknown = [name for name in arrays if name not in ARRAYS]
+    if unknown:
+        raise ScanFileError(f"{path}: unknown array {unknown[0]!r}; known are {', '.join(ARRAYS)}")
+    if "points_mm" not in arrays:
+        raise ScanFileError(f"{path}: holds no points_mm (profiles, pixels, 3)")
+    if step_mm is None:
+        if "step_mm" not in arrays:
+            raise ScanFileError(f"{path}: holds no step_mm between profiles; give it, as --step")
+        if np.shape(arrays["step_mm"]) != ():
+            raise ScanFileError(f"{path}: step_mm should be one number")
+        step_mm = float(arrays["step_mm"])
+    return Scan.from_points(
+        arrays["points_mm"], step_mm, arrays.get("intensity"), arrays.get("apex_mm")
+    )
+
+
+def _load_npz(path: Path) -> dict[str, Any]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except (ValueError, EOFError, KeyError, AttributeError, TypeError, zipfile.BadZipFile):
+        # Whatever is wrong inside, NumPy's words for it would not help.
+        raise ScanFileError(f"{path}: is no .npz file of plain arrays") from None
+
+
+READERS: dict[str, Callable[[Path, float | None], Scan]] = {
+    ".3dx": _read_threedx,
+    ".npz": _read_npz,
+}
