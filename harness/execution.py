@@ -87,11 +87,11 @@ def scan_view(spec: TrialSpec, view: ViewSpec) -> Scan:
 
 
 def _perform(trial: Trial) -> Outcome:
-    spec = _full_spec(trial)
+    spec = full_spec(trial)
     start = time.perf_counter()
     target, source = scan_view(spec, spec.target), scan_view(spec, spec.source)
     scanned = time.perf_counter()
-    shares = _common(spec).shares
+    shares = common(spec).shares
     bounds = _pose_bounds(spec, target, source)
     measured = time.perf_counter()
     paths = spec.path(spec.target), spec.path(spec.source)
@@ -174,23 +174,24 @@ def _register(spec: TrialSpec, target: Scan, source: Scan) -> RegistrationResult
     return enter(*hits, spec.step_mm, _sensor(spec).apex_mm, spec.method.params)
 
 
-def _full_spec(trial: Trial) -> TrialSpec:
+def full_spec(trial: Trial) -> TrialSpec:
     """The spec of a trial; the pair of a random one is drawn, for every method the same."""
     spec = trial.spec
     if isinstance(spec, RandomSpec):
         key = canonical_json([spec.pair_key(), spec.sensor])
-        pair = _pairs.get(key, lambda: drawn_spec(spec, lambda drawn: _common(drawn).shares))
+        pair = _pairs.get(key, lambda: drawn_spec(spec, lambda drawn: common(drawn).shares))
         return dataclasses.replace(pair, method=spec.method)
     if not isinstance(spec, TrialSpec):
         raise TypeError(f"{type(spec).__name__} is no spec of a trial")
     return spec
 
 
-def _common(spec: TrialSpec) -> Common:
+def common(spec: TrialSpec) -> Common:
     """Which points of either view the other sees too."""
-    hits, paths = _both_hits(spec), (spec.path(spec.target), spec.path(spec.source))
+    paths = spec.path(spec.target), spec.path(spec.source)
     return _commons.get(
-        spec.pair_key(), lambda: common_points(_sensor(spec), _scene(spec), hits, paths)
+        spec.pair_key(),
+        lambda: common_points(_sensor(spec), _scene(spec), _both_hits(spec), paths),
     )
 
 
@@ -201,7 +202,7 @@ def _pose_bounds(spec: TrialSpec, target: Scan, source: Scan) -> FloatArray | No
     return _bounds.get(
         spec.view_key(spec.target) + spec.view_key(spec.source),
         lambda: pose_bounds(
-            _sensor(spec), _scene(spec), _both_hits(spec), paths, measured, _common(spec)
+            _sensor(spec), _scene(spec), _both_hits(spec), paths, measured, common(spec)
         ),
     )
 

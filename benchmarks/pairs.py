@@ -1,0 +1,154 @@
+"""All methods on the same random pairs, in one process on one core, beside the fastest peer.
+
+python benchmarks/pairs.py [--pairs N] [--repeats N] [--profiles N ...] [--methods WORD ...]
+
+Pairs are those of configs/random_pairs.yaml with another seed, so that nothing is tuned on what is
+reported. Times are the least of the repeats of a pair, which is what the method needs when nothing
+else runs, then the median over pairs. Peers that are not installed are left out, and told.
+"""
+
+from __future__ import annotations
+
+import os
+
+# Before any library is imported: one core, for those that take all they may, and one thread.
+if hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+from harness.threads import limit_threads
+
+limit_threads()
+
+import argparse  # noqa: E402
+import time  # noqa: E402
+from pathlib import Path  # noqa: E402
+from typing import Any, NamedTuple  # noqa: E402
+
+import numpy as np  # noqa: E402
+from scipy.spatial.transform import RigidTransform  # noqa: E402
+from tabulate import tabulate  # noqa: E402
+
+from harness.config import load_experiment  # noqa: E402
+from harness.execution import full_spec, scan_view  # noqa: E402
+from harness.random_pairs import build_random_trials  # noqa: E402
+from harness.scoring import COARSE, FINE, exact_pose, is_success, pose_error  # noqa: E402
+from registration import Scan, register  # noqa: E402
+from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
+from registration.peers import PEERS, MissingPeerError, check_installed  # noqa: E402
+from registration.peers.params import (  # noqa: E402
+    FgrParams,
+    IcpParams,
+    KissMatcherParams,
+    RansacParams,
+    RefineParams,
+)
+from registration.thesis.params import ThesisParams  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[1]
+CONFIG = ROOT / "configs" / "random_pairs.yaml"
+CALIBRATION = str(ROOT / "configs" / "calibration" / "jupiter.json")
+GICP, PLANE = RefineParams(kind="gicp"), RefineParams(kind="point_to_plane")
+
+
+class Entry(NamedTuple):
+    """A method with parameters, by the name it is listed under."""
+
+    label: str
+    method: str
+    params: Any
+
+
+def entries() -> list[Entry]:
+    own = [
+        Entry("gauss_sphere", "gauss_sphere", GaussSphereParams(calibration=CALIBRATION)),
+        Entry("gauss_sphere without calibration", "gauss_sphere", GaussSphereParams()),
+        Entry("thesis", "thesis", ThesisParams()),
+    ]
+    peers = []
+    for voxel_mm in (3.0, 5.0, 10.0):
+        for name, method, params_type in (
+            ("RANSAC", "open3d_ransac", RansacParams),
+            ("FGR", "open3d_fgr", FgrParams),
+            ("KISS-Matcher", "kiss_matcher", KissMatcherParams),
+        ):
+            label = f"{name} {voxel_mm:g} mm"
+            peers.append(Entry(label, method, params_type(voxel_mm=voxel_mm)))
+            peers.append(Entry(f"{label} + GICP", method, params_type(voxel_mm, refine=GICP)))
+            plane = params_type(voxel_mm, refine=PLANE)
+            peers.append(Entry(f"{label} + point to plane", method, plane))
+    peers.append(Entry("GICP from the identity", "icp", IcpParams()))
+    return own + [entry for entry in peers if _installed(entry)]
+
+
+def _installed(entry: Entry) -> bool:
+    try:
+        check_installed(entry.method, entry.params)
+    except MissingPeerError as error:
+        print(f"left out: {entry.label}: {error}")
+        return False
+    return True
+
+
+def pairs(count: int, profiles: int, seed: int) -> list[tuple[Scan, Scan, RigidTransform]]:
+    overrides = [f"scan.profiles={profiles}", "methods=[{name: gauss_sphere}]"]
+    overrides.append(f"scan.step_mm={400.0 / profiles}")  # the same line, finer or coarser
+    experiment = load_experiment(CONFIG, overrides, seed)
+    found = []
+    for trial in build_random_trials(experiment, CONFIG)[:count]:
+        spec = full_spec(trial)
+        target, source = (scan_view(spec, view) for view in (spec.target, spec.source))
+        found.append((target, source, exact_pose(spec.path(spec.target), spec.path(spec.source))))
+    return found
+
+
+def measure(entry: Entry, found: list[tuple[Scan, Scan, RigidTransform]], repeats: int) -> Any:
+    register(*found[0][:2], entry.method, entry.params)  # whatever is loaded or compiled at first
+    least, middle, errors = [], [], []
+    for target, source, T_exact in found:
+        times = []
+        for _ in range(repeats):
+            start = time.perf_counter()
+            result = register(target, source, entry.method, entry.params)
+            times.append(1e3 * (time.perf_counter() - start))
+        least.append(min(times))
+        middle.append(float(np.median(times)))
+        answered = result.status == "ok" and result.T_target_source is not None
+        errors.append(pose_error(T_exact, result.T_target_source) if answered else None)
+    return (
+        float(np.median(least)), float(np.median(middle)), max(least),
+        sum(is_success(e, FINE) for e in errors), sum(is_success(e, COARSE) for e in errors),
+    )  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--pairs", type=int, default=12)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--profiles", type=int, nargs="+", default=[40, 130])
+    parser.add_argument("--methods", nargs="+", default=[], help="only labels that hold a word")
+    parser.add_argument("--seed", type=int, default=1000)
+    options = parser.parse_args()
+    chosen = [
+        entry
+        for entry in entries()
+        if not options.methods or any(word in entry.label for word in options.methods)
+    ]
+    for profiles in options.profiles:
+        found = pairs(options.pairs, profiles, options.seed)
+        measured = {entry: measure(entry, found, options.repeats) for entry in chosen}
+        fastest = min((m[0] for e, m in measured.items() if e.method in PEERS), default=np.nan)
+        rows = [
+            [entry.label, *values[:3], fastest / values[0], *values[3:]]
+            for entry, values in sorted(measured.items(), key=lambda item: item[1][0])
+        ]
+        print(f"\n{profiles} x 256 points, {len(found)} pairs, {options.repeats} repeats")
+        headers = [
+            "method", "min (ms)", "median (ms)", "slowest pair (ms)",
+            "times as fast as the fastest peer",
+            *(f"within {t.rotation_deg:g} deg, {t.translation_mm:g} mm" for t in (FINE, COARSE)),
+        ]  # fmt: skip
+        formats = ("", ".1f", ".1f", ".1f", ".2f", "d", "d")
+        print(tabulate(rows, headers, "github", floatfmt=formats))
+
+
+if __name__ == "__main__":
+    main()
