@@ -54,8 +54,13 @@ def settle(
     match: MatchParams,
     refine: RefineParams,
     verification: VerificationParams,
-) -> Settled:
-    """Match planes by the samples that fall on them and refine, with shrinking tolerance."""
+    least_score: float = -np.inf,
+) -> Settled | None:
+    """Match planes by the samples that fall on them and refine, with shrinking tolerance.
+
+    None where fewer than two planes match, or where the score, after the first refinements, is
+    below least_score: another pose is known to be much better.
+    """
     r, t = rotation.copy(), shift_mm.copy()
     information, areas = np.zeros((6, 6)), np.zeros(4)
     capacity = target.patches.n_points.size * source.patches.n_points.size
@@ -71,6 +76,7 @@ def settle(
         np.asarray(match.strides),
         np.asarray(refine.floors_mm),
         match.least_samples,
+        least_score,
         r,
         t,
         information,
@@ -78,6 +84,8 @@ def settle(
         distance2,
         areas,
     )
+    if n < 2:
+        return None
     score = float(areas[SUPPORT] - verification.contradiction_weight * areas[CONTRADICTION])
     return Settled(r, t, information, floor_mm, pairs[:n], distance2[:n], areas, score)
 
@@ -93,6 +101,7 @@ def _settle(
     strides: IntArray,
     floors: FloatArray,
     least: int,
+    least_score: float,
     r: FloatArray,
     t: FloatArray,
     information: FloatArray,
@@ -110,9 +119,9 @@ def _settle(
                 if counts[i, k] >= least:
                     pairs[n, 0], pairs[n, 1] = i, k
                     n += 1
-        if n < 2:
-            information[:] = 0.0
-            return n, 0.0
+        score = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]
+        if n < 2 or (stage > 1 and score < least_score):
+            return 0, 0.0
         maximise(
             target.patches,
             source.patches,

@@ -132,9 +132,9 @@ def settle_best(
 ) -> list[Settled]:
     """Settle the candidates by falling score until the rest cannot rival the best."""
     settled: list[Settled] = []
-    best, centre = 0.0, middle(source)
+    best, centre = -np.inf, middle(source)
     for c in np.argsort(-scores, kind="stable")[: params.verification.kept]:
-        if scores[c] < params.verification.worth_settling * best:
+        if settled and scores[c] < params.verification.worth_settling * best:
             break
         if any(same(pose, rotations[c], shifts_mm[c], centre, params.decision) for pose in settled):
             continue
@@ -146,8 +146,9 @@ def settle_best(
             params.match,
             params.refine,
             params.verification,
+            params.verification.worth_settling * max(best, 0.0),
         )
-        if pose.pairs.shape[0] >= 2:
+        if pose is not None:
             settled.append(pose)
             best = max(best, pose.score)
     return settled
