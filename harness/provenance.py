@@ -13,6 +13,8 @@ from importlib import metadata, util
 from pathlib import Path
 from typing import Any
 
+from registration.peers import PEERS
+
 ROOT = Path(__file__).resolve().parent.parent
 
 # What a row's numbers depend on, beside the code: a new version computes the rows again.
@@ -24,20 +26,26 @@ CODE_OF_TRIALS = (
 )  # fmt: skip
 
 
-def code_fingerprint(methods: Iterable[str]) -> str:
+def code_fingerprint(methods: Iterable[str], data: Iterable[Path | str] = ()) -> str:
     """A hash of the code that computes rows: rows of other code are computed again, not reused.
 
-    methods: names as in the config; a function of the user's own counts with its module's file.
+    methods: names as in the config; a function of the user's own counts with its module's file, a
+        peer with the versions of its libraries.
+    data: files that the methods read, as a calibration.
     """
+    libraries = list(LIBRARIES)
     files = [path for folder in CODE for path in (ROOT / folder).rglob("*.py")]
     files += [ROOT / "harness" / f"{name}.py" for name in CODE_OF_TRIALS]
+    files += [Path(file) for file in data]
     for name in methods:
+        if name in PEERS:
+            libraries += ["small_gicp", *PEERS[name].needs]
         module, colon, _ = name.partition(":")
         spec = util.find_spec(module) if colon else None
         if spec is not None and spec.origin is not None:
             files.append(Path(spec.origin))
     digest = hashlib.sha256()
-    for name in LIBRARIES:
+    for name in sorted(set(libraries)):
         digest.update(f"{name} {metadata.version(name)}\n".encode())
     for path in sorted(set(files)):
         digest.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())

@@ -62,7 +62,8 @@ def open_session(
         trials = build_random_trials(experiment, file)
     else:
         trials = build_trials(experiment, file)
-    code = code_fingerprint(method.name for method in experiment.methods)
+    read = {getattr(trial.spec.method.params, "calibration", "") for trial in trials}
+    code = code_fingerprint((method.name for method in experiment.methods), read - {""})
     return Session(file, experiment, trials, folder or Path("results") / file.stem, code)
 
 

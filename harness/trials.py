@@ -236,6 +236,10 @@ def chosen_method(choice: MethodChoice, key: Key, file: Path) -> Chosen:
         preset = dataclasses.asdict(getattr(params_type, choice.preset)())
     merged = _merged(preset, choice.params)
     params = checked_params(params_type, merged, file, (*key, "params"))
+    calibration = getattr(params, "calibration", "")
+    if calibration and not Path(calibration).is_file():
+        message = f"{calibration} is no file below {Path.cwd()}; configs/precision.yaml makes one"
+        raise ConfigError(file, (*key, "params", "calibration"), message)
     if choice.name in PEERS:
         try:
             check_installed(choice.name, params)

@@ -17,6 +17,7 @@ from harness.random_pairs import (
     drawn_spec,
     family_of,
 )
+from harness.session import open_session
 from harness.trials import Trial, TrialSpec, canonical_json
 from sensors.noise import NoiseParams
 
@@ -160,6 +161,21 @@ def test_a_missing_peer_is_refused_before_anything_runs(
     monkeypatch.setitem(sys.modules, "kiss_matcher", None)  # what Python takes for uninstalled
     with pytest.raises(ConfigError, match=r"methods.0.name: kiss_matcher: .*pip install"):
         trials_of(config, "methods=[{name: kiss_matcher}]")
+
+
+def test_a_missing_calibration_is_refused(config: Path) -> None:
+    with pytest.raises(ConfigError, match=r"methods.0.params.calibration: gone.json is no file"):
+        trials_of(config, "methods=[{name: gauss_sphere, params: {calibration: gone.json}}]")
+
+
+def test_rows_of_another_calibration_are_not_reused(config: Path, tmp_path: Path) -> None:
+    file = tmp_path / "own.json"
+    codes = []
+    for text in ("one", "another"):
+        file.write_text(text, encoding="utf-8")
+        override = f"methods=[{{name: gauss_sphere, params: {{calibration: {file}}}}}]"
+        codes.append(open_session(config, None, [override]).code)
+    assert codes[0] != codes[1]
 
 
 def test_specs_are_frozen(config: Path) -> None:
