@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import RigidTransform
+
+from experiments.cli import main
+from harness.scoring import pose_error
+from registration.scan import Scan
+from scenes import SCENES
+from sensors import threedx
+from sensors.jupiter import Jupiter, JupiterParams
+from sensors.noise import NoiseParams
+from sensors.paths import aimed_view, straight_line
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, RigidTransform]:
+    """Two noise-free views of three plates as .3dx files, and the exact T_target_source."""
+    folder = tmp_path_factory.mktemp("own")
+    scene = SCENES["separated_planes"].builder(SCENES["separated_planes"].params_type())
+    sensor = Jupiter(JupiterParams(noise=NoiseParams.exact()))
+    paths = [
+        straight_line(aimed_view([0, 0, 0], 800, np.deg2rad(yaw), 0.1, 0.0, 70, 5.0), 70, 5.0)
+        for yaw in (-9.0, 8.0)
+    ]
+    for name, path in zip(("target", "source"), paths, strict=True):
+        scan = sensor.scan(scene, path, np.random.default_rng(0))
+        threedx.write(folder / f"{name}.3dx", threedx.from_scan(scan))
+    T_target_source = paths[0].T_world_view.inv() * paths[1].T_world_view
+    return folder / "target.3dx", folder / "source.3dx", T_target_source
+
+
+def test_files_of_a_jupiter_are_registered(
+    files: tuple[Path, Path, RigidTransform], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target, source, T_exact = files
+    out = tmp_path / "out"
+    assert main(["--register", str(target), str(source), "--step", "5", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "Status: ok" in shown
+    assert "Standard deviations" in shown
+    answer = json.loads((out / "registration.json").read_text(encoding="utf-8"))
+    T_found = RigidTransform.from_matrix(answer["T_target_source"])
+    error = pose_error(T_exact, T_found)
+    assert np.rad2deg(error.rotation_rad) < 0.05
+    assert error.translation_mm < 0.5
+    assert f"{T_found.translation[1]:.3f}" in shown
+    clouds = [threedx.to_scan(threedx.read(file), 5.0) for file in (target, source)]
+    merged = trimesh.load(out / "merged.ply")
+    assert len(merged.vertices) == sum(cloud.n_valid for cloud in clouds)
+    moved = T_found.apply(clouds[1].points_mm[clouds[1].valid])
+    np.testing.assert_allclose(merged.vertices[-len(moved) :], moved, atol=1e-3)
+
+
+def test_scans_that_cannot_be_registered_say_why_and_write_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    empty = Scan.from_points(np.full((5, 8, 3), np.nan), 5.0)
+    np.savez(tmp_path / "empty.npz", points_mm=empty.points_mm, step_mm=5.0)
+    file, out = str(tmp_path / "empty.npz"), tmp_path / "out"
+    assert main(["--register", file, file, "--out", str(out)]) == 1
+    assert capsys.readouterr().out.startswith("Status: failed: ")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--register", "a.3dx", "b.3dx", "--step", "5"], "a.3dx: No such file"),
+        (["--register", "TARGET", "SOURCE"], "--step"),
+        (["--register", "TARGET", "SOURCE", "--step", "5", "--method", "thsis"], "'thsis'"),
+        (["--register", "TARGET", "SOURCE", "--step", "5", "--seed", "3"], "--seed: says nothing"),
+        (["--register", "TARGET", "SOURCE", "--step", "5", "--out", "TARGET"], "--out: "),
+        (["configs/desk.yaml", "--step", "5"], "--step: belongs to --register"),
+    ],
+)
+def test_a_wrong_request_gets_one_line(
+    arguments: list[str],
+    message: str,
+    files: tuple[Path, Path, RigidTransform],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = {"TARGET": str(files[0]), "SOURCE": str(files[1])}
+    assert main([names.get(argument, argument) for argument in arguments]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("run-experiment: ")
+    assert told.count("\n") == 1
+    assert message in told
+    assert list(tmp_path.iterdir()) == []
