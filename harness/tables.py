@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harness.multiview import loop_tables
 from harness.pair_tables import pair_tables
 from harness.schema import Experiment
 from harness.scoring import COARSE, FINE, PoseError, Tolerance, is_success, wilson_interval
@@ -37,6 +38,7 @@ def all_tables(experiment: Experiment, rows: pd.DataFrame) -> list[Table]:
     compaction = compaction_table(experiment, whole)
     if compaction is not None:
         tables.append(compaction)
+    tables += loop_tables(experiment, whole)
     return [*tables, *pair_tables(experiment, whole), timing_table(whole)]
 
 

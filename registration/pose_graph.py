@@ -81,14 +81,13 @@ def chain_poses(edges: Sequence[RelativePose], reference: str) -> ViewPoses:
     Raises PoseGraphError.
     """
     views, starts, paths = _spanning_tree(edges, reference)
-    jacobian = np.zeros((len(edges), 6, len(views), 6))
     information = np.linalg.inv(_covariances(edges))
     whitening = np.linalg.cholesky(information).transpose(0, 2, 1)
-    _fill_jacobian(jacobian, edges, views, starts)
+    jacobian = _slopes(edges, views, starts)
     used = sorted({edge for path in paths for edge in path})
     whitened = np.einsum("eij,ejvk->eivk", whitening, jacobian)[used]
     covariance = _joint_covariance(whitened, len(views))
-    distance2 = np.sum(np.einsum("eij,ej->ei", whitening, _residuals(edges, views, starts)) ** 2, 1)
+    distance2 = _distances2(edges, views, starts, whitening)
     weight = np.isin(np.arange(len(edges)), used).astype(np.float64)
     return ViewPoses(views, starts, covariance, distance2, weight, 1.0)
 
@@ -110,23 +109,22 @@ def close_loops(edges: Sequence[RelativePose], reference: str, robust: bool = Tr
     p_value = float(chi2.sf(distance2.sum(), freedom)) if freedom else 1.0
     for _ in range(ROUNDS if robust and freedom else 0):
         before, weight = weight, 1.0 / (1.0 + distance2 / CAUCHY2)
-        if np.abs(weight - before).max() < 1e-6:
+        if np.abs(weight - before).max() < 1e-5:
             break
         poses = _least_squares(edges, views, poses, whitening, weight)
         distance2 = _distances2(edges, views, poses, whitening)
-    jacobian = np.zeros((len(edges), 6, len(views), 6))
-    _fill_jacobian(jacobian, edges, views, poses)
+    jacobian = _slopes(edges, views, poses)
     whitened = np.einsum("e,eij,ejvk->eivk", np.sqrt(weight), whitening, jacobian)
     covariance = _joint_covariance(whitened, len(views))
     return ViewPoses(views, poses, covariance, distance2, weight, p_value)
 
 
 def adjoint(pose: RigidTransform) -> FloatArray:
-    """(6, 6) that carries a small perturbation D to T D T^-1, rotation vector first."""
+    """(..., 6, 6) that carries a small perturbation D to T D T^-1, rotation vector first."""
     R, t = pose.rotation.as_matrix(), np.asarray(pose.translation)
-    carried = np.zeros((6, 6))
-    carried[:3, :3] = carried[3:, 3:] = R
-    carried[3:, :3] = _cross(t) @ R
+    carried = np.zeros((*R.shape[:-2], 6, 6))
+    carried[..., :3, :3] = carried[..., 3:, 3:] = R
+    carried[..., 3:, :3] = _cross(t) @ R
     return carried
 
 
@@ -212,33 +210,32 @@ def _distances2(
     return squared
 
 
-def _fill_jacobian(
-    jacobian: FloatArray,
-    edges: Sequence[RelativePose],
-    views: tuple[str, ...],
-    poses: RigidTransform,
-) -> None:
+def _slopes(
+    edges: Sequence[RelativePose], views: tuple[str, ...], poses: RigidTransform
+) -> FloatArray:
     """Derivative (edges, 6, views, 6) of the residuals by perturbations on the left of poses."""
+    target, source = _ends(edges, views)
     left = _residual_poses(edges, views, poses)
-    for e, (t, s) in enumerate(zip(*_ends(edges, views), strict=True)):
-        # A perturbation of the source's pose arrives on the left of the residual pose.
-        arriving = adjoint(poses[t].inv())
-        to_residual = np.eye(6)
-        to_residual[:3, :3] = _turn_to_rotvec(left[e].rotation.as_rotvec())
-        to_residual[3:, :3] = -_cross(np.asarray(left[e].translation))
-        jacobian[e, :, s] += to_residual @ arriving
-        jacobian[e, :, t] -= to_residual @ arriving
+    to_residual = np.tile(np.eye(6), (len(edges), 1, 1))
+    to_residual[:, :3, :3] = _turn_to_rotvec(left.rotation.as_rotvec())
+    to_residual[:, 3:, :3] = -_cross(np.asarray(left.translation))
+    # A perturbation of the source's pose arrives on the left of the residual pose.
+    arriving = to_residual @ adjoint(poses[target].inv())
+    jacobian = np.zeros((len(edges), 6, len(views), 6))
+    every = np.arange(len(edges))
+    jacobian[every, :, source] += arriving
+    jacobian[every, :, target] -= arriving
+    return jacobian
 
 
 def _turn_to_rotvec(rotvec: FloatArray) -> FloatArray:
-    """(3, 3) change of a rotation vector by a small turn on its left."""
-    angle = float(np.linalg.norm(rotvec))
+    """(..., 3, 3) change of a rotation vector by a small turn on its left."""
+    angle = np.linalg.norm(rotvec, axis=-1)
     cross = _cross(rotvec)
-    if angle < 1e-4:
-        factor = 1.0 / 12.0
-    else:
-        factor = (1.0 - 0.5 * angle / np.tan(0.5 * angle)) / angle**2
-    changed: FloatArray = np.eye(3) - 0.5 * cross + factor * cross @ cross
+    large = np.maximum(angle, 1e-4)
+    factor = (1.0 - 0.5 * large / np.tan(0.5 * large)) / large**2
+    factor = np.where(angle < 1e-4, 1.0 / 12.0, factor)[..., None, None]
+    changed: FloatArray = np.eye(3) - 0.5 * cross + factor * (cross @ cross)
     return changed
 
 
@@ -263,15 +260,14 @@ def _least_squares(
         return np.asarray(white.ravel())
 
     def slopes(x: FloatArray, about: RigidTransform) -> FloatArray:
-        jacobian = np.zeros((len(edges), 6, len(views), 6))
-        _fill_jacobian(jacobian, edges, views, moved(x, about))
+        jacobian = _slopes(edges, views, moved(x, about))
         # By x itself, not by a perturbation of moved(x): a change of a rotation vector turns less
         # and less like itself the longer the vector is.
-        for v, step in enumerate(x.reshape(-1, 6), start=1):
-            to_left = np.eye(6)
-            to_left[:3, :3] = np.linalg.inv(_turn_to_rotvec(step[:3]))
-            to_left[3:, :3] = _cross(step[3:]) @ to_left[:3, :3]
-            jacobian[:, :, v] = jacobian[:, :, v] @ to_left
+        step = x.reshape(-1, 6)
+        to_left = np.tile(np.eye(6), (len(step), 1, 1))
+        to_left[:, :3, :3] = np.linalg.inv(_turn_to_rotvec(step[:, :3]))
+        to_left[:, 3:, :3] = _cross(step[:, 3:]) @ to_left[:, :3, :3]
+        jacobian[:, :, 1:] = np.einsum("eivk,vkl->eivl", jacobian[:, :, 1:], to_left)
         white = np.einsum("eij,ejvk->eivk", root, jacobian)[:, :, 1:]
         return np.asarray(white.reshape(6 * len(edges), free))
 
@@ -285,8 +281,7 @@ def _least_squares(
 def _joint_covariance(whitened: FloatArray, n_views: int) -> FloatArray:
     """(n, 6, n, 6) inverse of the information; the reference, which comes first, is exact."""
     slope = whitened[:, :, 1:].reshape(-1, 6 * (n_views - 1))
-    # By the singular values of the slope itself: squared first, rad and mm would lose half of the
-    # digits.
+    # By singular values of the slope itself: squared first, rad and mm would lose half the digits.
     _, values, axes = np.linalg.svd(slope, full_matrices=False)
     half = axes.T / values
     covariance = np.zeros((n_views, 6, n_views, 6))
@@ -295,5 +290,9 @@ def _joint_covariance(whitened: FloatArray, n_views: int) -> FloatArray:
 
 
 def _cross(vector: FloatArray) -> FloatArray:
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    """(..., 3, 3) that multiplies by a vector (..., 3) as the cross product does."""
+    matrix = np.zeros((*vector.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrix[..., k, j] = vector[..., i]
+        matrix[..., j, k] = -vector[..., i]
+    return matrix

@@ -151,7 +151,7 @@ def test_poses_are_the_best_there_are() -> None:
 def test_covariances_and_p_values_are_those_of_the_errors() -> None:
     rng = np.random.default_rng(7)
     squared, p_values, chained = [], [], []
-    for _ in range(60):
+    for _ in range(40):
         true, edges = graph(rng, LOOP)
         exact = true["a"].inv() * true["c"]
         for solve, kept in ((close_loops, squared), (chain_poses, chained)):
@@ -161,10 +161,10 @@ def test_covariances_and_p_values_are_those_of_the_errors() -> None:
             kept.append(error @ np.linalg.solve(relative.covariance, error))
             if solve is close_loops:
                 p_values.append(found.p_value)
-    # Chi-squared with 6 degrees: mean 6, standard error of 60 of them 0.45; of p values 0.04.
-    assert abs(np.mean(squared) - 6.0) < 1.4
-    assert abs(np.mean(chained) - 6.0) < 1.4
-    assert abs(np.mean(p_values) - 0.5) < 0.12
+    # Chi-squared with 6 degrees: mean 6, standard error of 40 of them 0.55; of p values 0.05.
+    assert abs(np.mean(squared) - 6.0) < 1.6
+    assert abs(np.mean(chained) - 6.0) < 1.6
+    assert abs(np.mean(p_values) - 0.5) < 0.15
 
 
 def test_a_loop_makes_poses_surer() -> None:

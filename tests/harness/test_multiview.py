@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from harness.config import load_experiment
+from harness.multiview import estimates, loop_tables, pairs_in_loops, relative_poses
+
+CONFIG = Path(__file__).parents[2] / "configs" / "desk.yaml"
+LOOP = "pairs.left-right={source: left, target: right}"
+
+
+@pytest.fixture(scope="module")
+def experiment():
+    return load_experiment(CONFIG, [LOOP])
+
+
+def pose(rng: np.random.Generator, size: float = 1.0) -> RigidTransform:
+    turn = Rotation.from_rotvec(size * rng.uniform(-0.5, 0.5, 3))
+    return RigidTransform.from_components(size * rng.uniform(-400.0, 400.0, 3), turn)
+
+
+def loop_rows(experiment, noise: float, repeats: int = 1, covariance: bool = True) -> pd.DataFrame:
+    """Rows of a method whose estimates are off by small poses."""
+    rng = np.random.default_rng(5)
+    T_world_view = {name: pose(rng) for name in experiment.views}
+    rows = []
+    for repeat in range(repeats):
+        for name, pair in experiment.pairs.items():
+            exact = T_world_view[pair.target].inv() * T_world_view[pair.source]
+            found = pose(rng, noise) * exact
+            rows.append(
+                {
+                    "pair": name, "method": "m", "repeat": repeat, "status": "ok",
+                    "T_exact": exact.as_matrix(), "T_estimated": found.as_matrix(),
+                    "covariance": np.diag([1e-6] * 3 + [1.0] * 3) if covariance else None,
+                }
+            )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def test_only_pairs_with_another_way_round_are_in_a_loop(experiment) -> None:
+    assert pairs_in_loops(experiment) == ["6.4", "6.5", "left-right"]
+    chain = experiment.model_copy(
+        update={"pairs": {name: experiment.pairs[name] for name in ("6.4", "6.5")}}
+    )
+    assert pairs_in_loops(chain) == []
+    assert loop_tables(chain, loop_rows(chain, 0.0)) == []
+
+
+@pytest.mark.parametrize("covariance", [True, False])
+def test_exact_registrations_are_exact_every_way(experiment, covariance: bool) -> None:
+    (table,) = loop_tables(experiment, loop_rows(experiment, 0.0, 2, covariance))
+    assert len(table.frame) == 9
+    assert table.frame["Pair"].iloc[0] == "left-right: left to right"
+    assert set(table.frame["Answered"]) == {"2/2"}
+    errors = table.frame[["Rotation (deg)", "Translation (mm)", "X error (mm)", "Y error (mm)"]]
+    np.testing.assert_allclose(errors.to_numpy(dtype=float), 0.0, atol=1e-6)
+    graphs = table.frame[table.frame["How"] == "pose graph"]
+    np.testing.assert_allclose(graphs["Loop, p"].astype(float), 1.0)
+
+
+def test_the_way_by_the_others_is_their_product(experiment) -> None:
+    rows = loop_rows(experiment, 1e-3)
+    edges = relative_poses(experiment, rows)
+    found = {e.way: e for e in estimates(experiment, "left-right", edges)}
+    product = edges["6.5"].T_target_source * edges["6.4"].T_target_source
+    by_others = found["by way of the others"].T_target_source
+    np.testing.assert_allclose(by_others.as_matrix(), product.as_matrix(), atol=1e-9)
+    directly = found["directly"].T_target_source.as_matrix()
+    np.testing.assert_allclose(directly, rows["T_estimated"].iloc[2], atol=1e-12)
+    graph = found["pose graph"]
+    assert 0.0 < graph.p_value < 1.0
+    gaps = [
+        np.linalg.norm(graph.T_target_source.translation - end[:3, 3])
+        for end in (product.as_matrix(), directly)
+    ]
+    apart = np.linalg.norm(product.translation - directly[:3, 3])
+    assert max(gaps) < apart
+
+
+def test_what_was_not_answered_is_left_out_not_taken_for_zero(experiment) -> None:
+    rows = loop_rows(experiment, 1e-3, repeats=3)
+    rows.loc[rows["pair"] == "left-right", ["status", "T_estimated"]] = ["failed", None]
+    (table,) = loop_tables(experiment, rows)
+    of_pair = table.frame[table.frame["Pair"].str.startswith("left-right")].set_index("How")
+    assert of_pair["Answered"].to_dict() == {"directly": "0/3", "by way of the others": "3/3"}
+    assert np.isnan(of_pair.loc["directly", "Rotation (deg)"])
+    rows["status"] = "failed"
+    assert loop_tables(experiment, rows) == []
+
+
+def test_a_registration_that_contradicts_the_others_is_told(experiment) -> None:
+    rows = loop_rows(experiment, 1e-4)
+    wrong = RigidTransform.from_translation([0.0, 60.0, 0.0]).as_matrix()
+    rows.at[1, "T_estimated"] = wrong @ rows.at[1, "T_estimated"]
+    (table,) = loop_tables(experiment, rows)
+    told = table.frame.loc[table.frame["How"] == "pose graph", "Loop, p"].astype(float)
+    assert (told < 1e-6).all()
