@@ -90,7 +90,7 @@ def _views(drawn: Sequence[Drawn]) -> dict[str, tuple[TrialSpec, ViewSpec]]:
     for _, spec in drawn:
         for view in (spec.source, spec.target):
             views.setdefault(view.name, (spec, view))
-    return views
+    return dict(sorted(views.items()))  # the same colours whatever pair comes first
 
 
 def _draw_arm(drawn: Sequence[Drawn], folder: Path) -> list[Path]:
