@@ -1,11 +1,12 @@
-"""Views that were registered in a loop: each pair directly, by way of the others, by a pose graph.
+"""Many views in one frame, and what closing a loop of pairs does for the pose of each.
 
 Section 6.4 finds the left and the right view better registered by way of the center one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from harness.schema import Experiment
 from harness.scoring import parameter_errors, pose_error, six_parameters
 from harness.table_files import Table
 from registration.pose_graph import PoseGraphError, RelativePose, chain_poses, close_loops
+from registration.scan import FloatArray
 
 # What a method that gives no covariance is taken to know: every registration alike.
 NO_COVARIANCE = np.diag([np.deg2rad(1.0) ** 2] * 3 + [10.0**2] * 3)
@@ -79,6 +81,28 @@ def loop_tables(experiment: Experiment, rows: pd.DataFrame) -> list[Table]:
     ]
 
 
+def middle_view(edges: Iterable[RelativePose], names: Sequence[str]) -> str:
+    """The view with the most edges, the first of the names among equals."""
+    counts = Counter(view for edge in edges for view in (edge.target, edge.source))
+    return max(names, key=lambda name: counts[name])
+
+
+def poses_in(reference: str, edges: Sequence[RelativePose]) -> dict[str, RigidTransform]:
+    """T_reference_view of every view that edges lead to, all loops closed."""
+    linked = _linked(edges, reference)
+    if not linked:
+        return {reference: RigidTransform.identity()}
+    graph = close_loops(linked, reference)
+    return dict(zip(graph.views, graph.T_reference_view, strict=True))
+
+
+def usable(covariance: FloatArray | None) -> FloatArray:
+    """A covariance that can weigh an edge: the given one if it is one, else NO_COVARIANCE."""
+    if covariance is None or covariance.shape != (6, 6) or not np.isfinite(covariance).all():
+        return NO_COVARIANCE
+    return covariance if np.linalg.eigvalsh(covariance)[0] > 0.0 else NO_COVARIANCE
+
+
 def pairs_in_loops(experiment: Experiment) -> list[str]:
     """Names of the pairs whose views are also linked by other pairs."""
     looped = []
@@ -103,9 +127,10 @@ def relative_poses(experiment: Experiment, rows: pd.DataFrame) -> dict[str, Rela
     ):
         if status == "ok" and pose is not None:
             pair = experiment.pairs[name]
-            known = NO_COVARIANCE if covariance is None else covariance
             T_target_source = RigidTransform.from_matrix(pose)
-            found[name] = RelativePose(pair.target, pair.source, T_target_source, known)
+            found[name] = RelativePose(
+                pair.target, pair.source, T_target_source, usable(covariance)
+            )
     return found
 
 

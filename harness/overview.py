@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import RigidTransform
 
 from harness.arm_figure import draw_arm
-from harness.chain import Link, middle_view, poses_in
 from harness.clouds import measured_points, write_cloud
 from harness.execution import scan_view
 from harness.figures_page import (
@@ -25,16 +24,19 @@ from harness.figures_page import (
     save,
     thinned,
 )
+from harness.multiview import NO_COVARIANCE, middle_view, poses_in, usable
 from harness.pair_view import file_slug
 from harness.pool import MakeExecutor
 from harness.scoring import exact_pose, pose_error
 from harness.trials import Trial, TrialSpec
 from harness.views import ViewSpec
+from registration.pose_graph import RelativePose
 from registration.scan import FloatArray
 from scenes import SCENES
 from scenes.picture import VIEW_COLOURS
 from sensors import SENSORS
 
+Estimate = tuple[RigidTransform, FloatArray]  # the pose and its covariance
 PREFIX = "views_"
 SHOWN = 5_000  # points of each view in a panel
 
@@ -72,7 +74,7 @@ def draw_overview(
     if not drawn:
         return []
     found = {
-        row["id"]: RigidTransform.from_matrix(row["T_estimated"])
+        row["id"]: (RigidTransform.from_matrix(row["T_estimated"]), usable(row["covariance"]))
         for row in rows.to_dict("records")
         if row["status"] == "ok"
     }
@@ -109,7 +111,7 @@ def _draw_arm(drawn: Sequence[Drawn], folder: Path) -> list[Path]:
 
 
 def _draw_superpositions(
-    drawn: Sequence[Drawn], found: Mapping[str, RigidTransform], folder: Path
+    drawn: Sequence[Drawn], found: Mapping[str, Estimate], folder: Path
 ) -> list[Path]:
     """A figure and a cloud for each method that answered; of two views the pair's own will do."""
     views = _views(drawn)
@@ -183,15 +185,16 @@ def superposition(
 
 
 def _links(
-    drawn: Sequence[Drawn], found: Mapping[str, RigidTransform]
-) -> tuple[list[Link], list[Link]]:
+    drawn: Sequence[Drawn], found: Mapping[str, Estimate]
+) -> tuple[list[RelativePose], list[RelativePose]]:
     """What a method found for its pairs, where it answered, and the exact poses of all of them."""
     estimated, exact = [], []
     for trial, spec in drawn:
         names = spec.target.name, spec.source.name
-        exact.append(Link(*names, exact_pose(spec.path(spec.target), spec.path(spec.source))))
+        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        exact.append(RelativePose(*names, T_exact, NO_COVARIANCE))
         if trial.id in found:
-            estimated.append(Link(*names, found[trial.id]))
+            estimated.append(RelativePose(*names, *found[trial.id]))
     return estimated, exact
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,17 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.config import load_experiment
-from harness.multiview import estimates, loop_tables, pairs_in_loops, relative_poses
+from harness.multiview import (
+    NO_COVARIANCE,
+    estimates,
+    loop_tables,
+    middle_view,
+    pairs_in_loops,
+    poses_in,
+    relative_poses,
+    usable,
+)
+from registration.pose_graph import RelativePose
 
 CONFIG = Path(__file__).parents[2] / "configs" / "desk.yaml"
 LOOP = "pairs.left-right={source: left, target: right}"
@@ -101,3 +112,56 @@ def test_a_registration_that_contradicts_the_others_is_told(experiment) -> None:
     (table,) = loop_tables(experiment, rows)
     told = table.frame.loc[table.frame["How"] == "pose graph", "Loop, p"].astype(float)
     assert (told < 1e-6).all()
+
+
+RNG = np.random.default_rng(8)
+NAMES = ["a", "b", "c", "d"]
+T_WORLD = {name: pose(RNG) for name in NAMES}
+
+
+def edge(target: str, source: str) -> RelativePose:
+    T_target_source = T_WORLD[target].inv() * T_WORLD[source]
+    return RelativePose(target, source, T_target_source, NO_COVARIANCE)
+
+
+@pytest.mark.parametrize("reference", NAMES)
+@pytest.mark.parametrize(
+    "pairs", [["ab", "bc", "cd"], ["dc", "ba", "cb"], ["ab", "ac", "ad"], ["ca", "cb", "dc", "da"]]
+)
+def test_exact_edges_give_exact_poses_whichever_way_they_point(
+    reference: str, pairs: list[str]
+) -> None:
+    poses = poses_in(reference, [edge(*pair) for pair in pairs])
+    assert set(poses) == set(NAMES)
+    for name, found in poses.items():
+        expected = T_WORLD[reference].inv() * T_WORLD[name]
+        np.testing.assert_allclose(found.as_matrix(), expected.as_matrix(), atol=1e-6)
+
+
+def test_what_no_edge_leads_to_is_left_out() -> None:
+    assert set(poses_in("a", [edge("a", "b"), edge("c", "d")])) == {"a", "b"}
+    assert set(poses_in("a", [])) == {"a"}
+
+
+def test_a_loop_is_closed_by_how_sure_its_edges_are() -> None:
+    off = RigidTransform.from_translation([0.0, 3.0, 0.0]) * edge("a", "b").T_target_source
+    loop = [edge("a", "c"), edge("b", "c"), RelativePose("a", "b", off, 1e-6 * NO_COVARIANCE)]
+    exact = edge("a", "b").T_target_source.translation
+    shift = poses_in("a", loop)["b"].translation - exact
+    np.testing.assert_allclose(shift, [0.0, 3.0, 0.0], atol=1e-2)
+    shift = (
+        poses_in("a", [*loop[:2], replace(loop[2], covariance=NO_COVARIANCE)])["b"].translation
+        - exact
+    )
+    assert 0.5 < shift[1] < 2.5
+
+
+def test_the_middle_view_has_the_most_edges() -> None:
+    assert middle_view([edge("c", "a"), edge("b", "c")], NAMES) == "c"
+    assert middle_view([edge("b", "a")], NAMES) == "a"
+
+
+@pytest.mark.parametrize("bad", [None, np.zeros((6, 6)), np.full((6, 6), np.nan), np.eye(3)])
+def test_a_covariance_that_is_none_weighs_like_every_other(bad) -> None:
+    np.testing.assert_array_equal(usable(bad), NO_COVARIANCE)
+    np.testing.assert_array_equal(usable(2.0 * np.eye(6)), 2.0 * np.eye(6))
