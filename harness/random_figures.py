@@ -28,15 +28,16 @@ from harness.random_tables import (
 )
 from harness.scoring import COARSE, FINE, wilson_interval
 
-# Okabe and Ito's colours, then dashes: safe for the colour-blind.
+# Okabe and Ito's colours, safe for the colour-blind.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", INK)
-DASHES = ("-", "--", ":")
 SHOWN_BANDS = BANDS[:3]
+MOST_METHODS = len(COLOURS)  # more cannot be told apart
+CROWD = 4  # methods from which on their intervals would hide each other
 
 
 def draw_random_figures(rows: pd.DataFrame, folder: Path) -> list[Path]:
     """Draw what the tables say; returns the files, PNG."""
-    known = with_family(rows)
+    known = legible(with_family(rows))
     folder.mkdir(parents=True, exist_ok=True)
     figures = {
         "success": draw_success,
@@ -53,23 +54,51 @@ def draw_random_figures(rows: pd.DataFrame, folder: Path) -> list[Path]:
     return files
 
 
+def legible(rows: pd.DataFrame) -> pd.DataFrame:
+    """As many methods as can be told apart: the first, and the others most often right."""
+    methods = list(rows["method"].unique())
+    if len(methods) <= MOST_METHODS:
+        return rows
+    right = pd.Series(within(rows, COARSE), index=rows.index).groupby(rows["method"]).sum()
+    others = right.drop(methods[0]).sort_values(ascending=False, kind="stable")
+    kept = [methods[0], *others.index[: MOST_METHODS - 1]]
+    return rows[rows["method"].isin(kept)].assign(left_out=len(methods) - len(kept))
+
+
 def _styles(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """A colour and a dash for each method, the same in every figure."""
+    """A colour for each method, the same in every figure."""
     return {
-        str(method): {
-            "color": COLOURS[i % len(COLOURS)], "ls": DASHES[i // len(COLOURS) % len(DASHES)]
-        }
-        for i, method in enumerate(rows["method"].unique())
-    }  # fmt: skip
+        str(method): {"color": colour}
+        for method, colour in zip(rows["method"].unique(), COLOURS, strict=False)
+    }
+
+
+def _legend(figure: Figure, rows: pd.DataFrame, marker: str = "") -> None:
+    """The methods below the figure, and how many are left out."""
+    look = {"ls": "", "marker": marker, "ms": 5} if marker else {"lw": 1.6}
+    handles = [Line2D([], [], label=m, **look, **style) for m, style in _styles(rows).items()]
+    note = None
+    if "left_out" in rows.columns:
+        left_out = rows["left_out"].iloc[0]
+        note = (
+            f"The first method and the others most often right; {left_out} more are in the tables"
+        )
+    figure.legend(handles=handles, loc="lower center", ncols=3, title=note, title_fontsize=8.5)
+
+
+def _legend_in(rows: pd.DataFrame) -> float:
+    """Height of the legend in inches."""
+    lines = (rows["method"].nunique() + 2) // 3
+    return 0.25 + 0.22 * (lines + ("left_out" in rows.columns))
 
 
 def draw_success(rows: pd.DataFrame) -> Figure | None:
     """Success rate against the tolerance, by scenes and overlap, with Wilson's interval."""
     families, styles = list(rows["family"].unique()), _styles(rows)
-    legend_in = 0.25 + 0.22 * ((len(styles) + 2) // 3)
+    legend_in = _legend_in(rows)
     figure = new_figure(
-        "How often is a method right?\nShare of pairs answered ok and within the tolerance, with "
-        "Wilson's 95 % interval",
+        "How often is a method right?\nShare of pairs answered ok and within the tolerance"
+        + (", with Wilson's 95 % interval" if len(styles) < CROWD else ""),
         0.8 + 2.4 * len(families) + legend_in,
     )
     angles = [tolerance.rotation_deg for tolerance in THRESHOLDS]
@@ -83,7 +112,7 @@ def draw_success(rows: pd.DataFrame) -> Figure | None:
             for method, style in styles.items():
                 group = of_band[of_band["method"] == method]
                 if len(group):
-                    _curve(ax, group, angles, method, style)
+                    _curve(ax, group, angles, style, interval=len(styles) < CROWD)
             ax.set(xscale="log", ylim=(-0.02, 1.02), xlim=(angles[0], angles[-1]))
             ax.set_xticks([t.rotation_deg for t in marked])
             ax.set_xticklabels([f"{t.rotation_deg:g}°\n{t.translation_mm:g} mm" for t in marked])
@@ -91,18 +120,18 @@ def draw_success(rows: pd.DataFrame) -> Figure | None:
             ax.set_title(f"{family.replace('_', ' ')}, overlap {band.name}: {pairs} pairs")
             if c == 0:
                 ax.set_ylabel("share of pairs")
-    handles = [Line2D([], [], lw=1.6, label=name, **style) for name, style in styles.items()]
-    figure.legend(handles=handles, loc="lower center", ncols=3)
+    _legend(figure, rows)
     return figure
 
 
 def _curve(
-    ax: Axes, group: pd.DataFrame, angles: list[float], method: str, style: dict[str, Any]
+    ax: Axes, group: pd.DataFrame, angles: list[float], style: dict[str, Any], interval: bool
 ) -> None:
     right = [int(within(group, tolerance).sum()) for tolerance in THRESHOLDS]
-    low, high = np.transpose([wilson_interval(k, len(group)) for k in right])
-    ax.fill_between(angles, low, high, color=style["color"], alpha=0.15, lw=0)
-    ax.plot(angles, np.array(right) / len(group), lw=1.6, label=method, **style)
+    if interval:
+        low, high = np.transpose([wilson_interval(k, len(group)) for k in right])
+        ax.fill_between(angles, low, high, color=style["color"], alpha=0.15, lw=0)
+    ax.plot(angles, np.array(right) / len(group), lw=1.6, **style)
 
 
 def draw_bound(rows: pd.DataFrame) -> Figure | None:
@@ -112,7 +141,7 @@ def draw_bound(rows: pd.DataFrame) -> Figure | None:
         return None
     table = table[table["Scenes"] == table["Scenes"].iloc[0]]  # all scenes, if there are several
     styles = _styles(rows)
-    legend_in = 0.25 + 0.22 * ((len(styles) + 2) // 3)
+    legend_in = _legend_in(rows)
     figure = new_figure(
         "How far from the limit is a method?\nErrors of the successes by their Cramer-Rao bounds; "
         "dot: root mean square, dash: by the median",
@@ -133,7 +162,7 @@ def draw_bound(rows: pd.DataFrame) -> Figure | None:
                 for name in ("root mean square", "by the median")
             )
             ax.vlines(x, medians, squares, color=style["color"], lw=1.2)
-            ax.plot(x, squares, "o", ms=4.5, color=style["color"], label=method)
+            ax.plot(x, squares, "o", ms=4.5, color=style["color"])
             ax.plot(x, medians, "_", ms=8, mew=1.6, color=style["color"])
         ax.axhline(1.0, color=GREY, lw=1.0)
         ax.set(yscale="log", xlim=(-0.6, 5.6))
@@ -141,8 +170,7 @@ def draw_bound(rows: pd.DataFrame) -> Figure | None:
         ax.set_title(f"bound from {counted}")
         if c == 0:
             ax.set_ylabel("error / bound")
-    handles, names = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="lower center", ncols=3)
+    _legend(figure, rows, marker="o")
     return figure
 
 
@@ -176,22 +204,22 @@ def draw_calibration(rows: pd.DataFrame) -> Figure | None:
 
 def draw_times(rows: pd.DataFrame) -> Figure | None:
     """Distribution of the time of a registration, by method."""
-    styles = _styles(rows)
+    legend_in = _legend_in(rows)
     figure = new_figure(
         "How long does a registration take?\nShare of pairs that are done after that time, with "
         "as many processes as the command was given",
-        4.9,
+        4.9 + legend_in,
     )
-    ax = add_axes(figure, 0.9, 0.55, 7.7, 3.5)
-    for method, style in styles.items():
+    ax = add_axes(figure, 0.9, legend_in + 0.5, 7.7, 3.5)
+    for method, style in _styles(rows).items():
         times = np.sort(rows.loc[rows["method"] == method, "ms_registration"].dropna().to_numpy())
         if len(times):
             shares = np.arange(1, len(times) + 1) / len(times)
-            ax.step(times, shares, where="post", lw=1.6, label=method, **style)
+            ax.step(times, shares, where="post", lw=1.6, **style)
     ax.set(xscale="log", ylim=(0, 1.01), xlabel="time of a registration (ms)")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.minorticks_off()
     ax.set_ylabel("share of pairs")
-    ax.legend(loc="lower right")
+    _legend(figure, rows)
     return figure
