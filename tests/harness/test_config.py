@@ -68,6 +68,16 @@ def refusal(file: Path, *overrides: str) -> str:
         ),
         ("pairs.a.b.target=rigth", "pairs.a.b.target: unknown view 'rigth'; did you mean 'right'?"),
         ("pairs.plain.target=third", "pairs.plain: source and target are the same view"),
+        ("arm.bracket=3", "arm.bracket: unknown key; did you mean 'bracket_mm'?"),
+        ("arm=3", "arm: should be an object, not 3"),
+        (
+            "arm={track_mm: 9000}",
+            "arm: track_mm is 9000.0; the track runs from 0 to 2600 mm",
+        ),
+        (
+            "compaction={lefd: {points: 1}}",
+            "compaction.lefd: unknown view 'lefd'; did you mean 'left'?",
+        ),
         (
             "pairs.a.b.printed.rotation_de=1",
             "pairs.a.b.printed.rotation_de: unknown key; did you mean 'rotation_deg'?",
