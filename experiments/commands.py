@@ -12,7 +12,6 @@ from pathlib import Path
 from rich.console import Console
 
 from experiments.cli import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK
-from experiments.precision import run_precision
 from experiments.terminal import (
     make_console,
     outcome,
@@ -179,19 +178,6 @@ def show_scene(
     path.parent.mkdir(parents=True, exist_ok=True)
     save_picture(SCENES[name].builder(params), path, outlines)
     print(path)
-    return EXIT_OK
-
-
-def show_precision(
-    config: Path, folder: Path | None, overrides: Sequence[str], seed: int | None
-) -> int:
-    """Measure the sensor itself, show its card and what its calibration leaves."""
-    console = make_console()
-    start = time.perf_counter()
-    tables, written = run_precision(config, folder, overrides, seed)
-    show_tables(console, tables)
-    show_paths(console, written)
-    console.print(f"{time.perf_counter() - start:.1f} s", markup=False)
     return EXIT_OK
 
 

@@ -104,7 +104,11 @@ def _verdict(
     params: PlanarParams,
 ) -> tuple[Status, str]:
     """Whether to believe the pose that won."""
-    empty = [name for name, c in zip(("target", "source"), circles, strict=True) if len(c) == 0]
+    empty = [
+        name
+        for name, circle in zip(("target", "source"), circles, strict=True)
+        if circle.length_mm.sum() == 0.0
+    ]
     if empty:
         return "failed", (
             f"the profile of the {' and of the '.join(empty)} has no straight segment of "
@@ -120,7 +124,7 @@ def _verdict(
                 f"only parallel segments overlap enough, by {along:.0%} of the shorter profile, "
                 f"so the shift along them stays open; of two directions, {crossing:.0%} overlap"
             )
-    if share[0] < params.min_overlap:
+    if share[0] < params.min_overlap or share[0] == 0.0:
         return "failed", (
             f"the segments of the best pose overlap by {share[0]:.0%} of the shorter profile; "
             f"{params.min_overlap:.0%} are needed to believe it"

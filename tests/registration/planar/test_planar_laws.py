@@ -187,6 +187,40 @@ def test_poor_profiles_come_back_with_status_and_reason() -> None:
     np.testing.assert_allclose(np.abs(open_[3, 4:]), np.array([600, 20]) / np.hypot(600, 20), 1e-3)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("preset", PRESETS)
+def test_any_content_comes_back_with_a_status(preset: str) -> None:
+    rng = np.random.default_rng(12)
+    statuses = set()
+    for _ in range(60):
+        scans = [odd_profile(rng) for _ in range(2)]
+        if rng.random() < 0.3:
+            scans[1] = scans[0]
+        result = register_profiles(*scans, PRESETS[preset])
+        assert (result.status == "ok") == (result.reason == "")
+        if result.T_target_source is not None:
+            assert np.isfinite(result.T_target_source.as_matrix()).all()
+        statuses.add(result.status)
+    assert {"ok", "failed"} <= statuses
+
+
+def odd_profile(rng: np.random.Generator) -> Scan:
+    """Noise, spikes, steps, one place only, or far too wide; a tenth or all of it missing."""
+    n = int(rng.integers(1, 128))
+    y = np.sort(rng.uniform(-200.0, 200.0, n))
+    y, z = [
+        (y, np.full(n, 700.0)),
+        (y, rng.uniform(-1e3, 1e3, n)),
+        (y, 600.0 + np.abs(y) * rng.uniform(-3.0, 3.0)),
+        (np.zeros(n), np.zeros(n)),
+        (y, 700.0 + 40.0 * np.round(y / 40.0) + rng.normal(0.0, 0.3, n)),
+        (1e3 * y, 700.0 + 2.0 * np.abs(y % 60.0 - 30.0)),
+    ][int(rng.integers(6))]
+    points = np.stack([np.zeros(n), y, z], axis=1)
+    points[rng.random(n) < rng.choice([0.0, 0.1, 1.0])] = np.nan
+    return Scan.from_points(points[None], step_mm=5.0)
+
+
 def test_a_profile_that_repeats_itself_is_ambiguous() -> None:
     tooth = np.array([[0.0, 60.0], [30.0, 0.0], [60.0, 60.0]])
     ends = np.stack([tooth[:-1], tooth[1:]], axis=1)
