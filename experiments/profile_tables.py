@@ -52,7 +52,9 @@ def mean_table(name: str, pair: Pair, experiment: ProfilesExperiment, rows: pd.D
         record = _record(str(method), mean, mean - exact)
         record["Answered"] = f"{_answered(group).sum()} of {len(group)}"
         record["In the mean"] = f"{_used(group).sum()} of {len(group)}"
-        record["All pairs (s)"] = float(group["ms"].sum()) / 1e3
+        # The first repeat waits for compiled code to be loaded.
+        of_method = rows[rows["method"] == method]
+        record["All pairs (s)"] = float(of_method.groupby("repeat")["ms"].sum().median()) / 1e3
         records.append(record)
     frame = pd.DataFrame(records)[
         ["", "Answered", "In the mean", *NAMES, *ERRORS, "All pairs (s)"]
