@@ -52,7 +52,7 @@ def _pair_table(
         ]
     columns["Exact"] = [*exact, np.nan, np.nan]
     if not np.isnan(theoretical).any():
-        columns["Theoretical (encoders)"] = [*theoretical, np.nan, np.nan]
+        columns["Theoretical"] = [*theoretical, np.nan, np.nan]
     theirs = _thesis_values(pair, labels)
     if theirs is not None:
         columns["Thesis's estimate"] = [*theirs[0], np.nan, np.nan]
@@ -72,12 +72,12 @@ def _pair_table(
             )
         ]
     caption = _pair_caption(experiment, pair, len(rows))
-    if "Theoretical (encoders)" in columns:
+    if "Theoretical" in columns:
         caption += (
             " Theoretical is what the arm's encoders and the nominal tool centre point say, by "
             "(3-1), as in the thesis; what is wrong with the bracket is in the exact values only."
         )
-    poses = ("Exact", "Theoretical (encoders)", "Thesis's estimate", "Our estimate")
+    poses = ("Exact", "Theoretical", "Thesis's estimate", "Our estimate")
     signed = dict.fromkeys(poses, ".2f")
     signed |= dict.fromkeys(("Our error", "Thesis's error"), "+.2f")
     frame = pd.DataFrame(columns)

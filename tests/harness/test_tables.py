@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from harness.config import load_experiment
-from harness.pair_tables import pair_tables
+from harness.pair_tables import COLUMNS, pair_tables
 from harness.schema import Experiment
 from harness.scoring import pose_error, pose_from_parameters
 from harness.session import open_session
@@ -135,3 +135,15 @@ def test_a_pair_of_ones_own_has_no_columns_of_the_thesis(small_file: Path, tmp_p
     table = list(pair_tables(load_experiment(small_file), load(tmp_path)))[1]
     assert table.title == "Pair plain: third to left, method thesis"
     assert not any("hesis" in column for column in table.frame.columns)
+
+
+def test_the_theoretical_pose_stands_beside_the_exact_one(tmp_path: Path) -> None:
+    experiment, rows = rows_with(tmp_path, [[0.5, 0.0, 0.0, 1.0, 2.0, 2.0]])
+    rows["T_theoretical"] = [moved([0.0, 0.1, 0.0, 0.0, 3.0, 4.0]).as_matrix()]
+    six = EXACT + np.array([0.0, 0.1, 0.0, 0.0, 3.0, 4.0])
+    for name, value in zip(COLUMNS, six, strict=True):
+        rows[f"theoretical_{name}"] = value
+    (table,) = pair_tables(experiment, rows)
+    assert list(table.frame.columns[2:5]) == ["Exact", "Theoretical", "Thesis's estimate"]
+    np.testing.assert_allclose(table.frame["Theoretical"][:6], six)
+    assert "0.100 deg and 5.00 mm off the exact one" in table.note
