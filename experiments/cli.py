@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,7 +31,17 @@ request is wrong (nothing is written then), 130 when interrupted."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit status."""
-    options = _parser().parse_args(argv)
+    try:
+        status = _main(_parser().parse_args(argv))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader of our output is gone, as with `| head`; the flush at exit must not fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_FAILED
+    return status
+
+
+def _main(options: argparse.Namespace) -> int:
     # Everything below imports numpy and more; help and usage errors must not wait for that.
     from harness.config import experiment_kind, load_experiment
     from harness.config_errors import ConfigError
@@ -58,9 +69,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _run(options)
     except (ConfigError, StoreError) as error:
         return _refuse(error)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output is gone, as with `| head`
-        return EXIT_FAILED
 
 
 def _parser() -> argparse.ArgumentParser:

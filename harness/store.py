@@ -257,7 +257,12 @@ def _parameters(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _connect(path: Path) -> sqlite3.Connection:
-    connection = sqlite3.connect(path, timeout=30.0)
+    try:
+        connection = sqlite3.connect(path, timeout=30.0)
+    except sqlite3.OperationalError as error:
+        raise StoreError(
+            f"{path} cannot be opened ({error}); give a folder that can be written with --out"
+        ) from None
     try:
         (version,) = connection.execute("PRAGMA user_version").fetchone()
         if version == 0 and not connection.execute("SELECT * FROM sqlite_master").fetchall():
