@@ -75,13 +75,13 @@ def judge(
     if not (
         agreeing >= params.sure_planes
         or (plain and agreeing == params.sure_planes - 1)
-        or (plain and share >= params.plain_support)
+        or share >= params.large_support
     ):
         return RegistrationResult(
             None,
             "failed",
             f"{agreeing} planes agree on {share:.0%} of the seen surface, as planes of unrelated "
-            f"scenes may; {params.sure_planes} are needed, or {params.plain_support:.0%}",
+            f"scenes may; {params.sure_planes} planes or {params.large_support:.0%} are needed",
             candidates=candidates,
         )
     covariance, open_directions, reason = uncertainty(best, target, params)

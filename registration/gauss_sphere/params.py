@@ -165,9 +165,9 @@ class DecisionParams:
 
     least_support: share of the seen surface that must lie on the other view's.
     most_contradiction: contradiction allowed, as a share of the support.
-    sure_planes: different planes that must agree, each within agreeing_distance2; one less, or
-        plain_support of the surface, will do where contradiction is below plain_contradiction.
-        Unrelated scenes reached three or four planes, and 19 % of the surface.
+    sure_planes: different planes that must agree, each within agreeing_distance2. One less will do
+        where contradiction is below plain_contradiction, and any number on large_support of the
+        surface. Unrelated scenes reached three or four planes, and 19 % of the surface.
     same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
     rival_share: share of the best score at which another pose makes the answer ambiguous.
     open_rad, open_mm: a direction known no better than this is open.
@@ -178,7 +178,7 @@ class DecisionParams:
     most_contradiction: float = 0.15
     sure_planes: int = 5
     plain_contradiction: float = 0.02
-    plain_support: float = 0.3
+    large_support: float = 0.3
     agreeing_distance2: float = 14.0
     same_plane_rad: float = 0.03
     same_plane_mm: float = 5.0
