@@ -35,7 +35,7 @@ def compact_sphere(patches: Patches, params: SphereParams) -> GaussSphere:
     thesis says the latter only. Position plays no part. Section 5.5.
     """
     vectors = patches.normal * patches.area_mm2[:, None]
-    member = _unite(vectors.copy(), patches.area_mm2.copy(), params.close_normal)
+    member = _unite(vectors.copy(), params.close_normal)
     names, member = np.unique(member, return_inverse=True)
     weight = np.zeros(len(names))
     np.add.at(weight, member, patches.area_mm2)
@@ -49,7 +49,7 @@ def compact_sphere(patches: Patches, params: SphereParams) -> GaussSphere:
 
 
 @compiled
-def _unite(vectors: FloatArray, weight: FloatArray, close: float) -> IntArray:
+def _unite(vectors: FloatArray, close: float) -> IntArray:
     """(m,) index of the patch that stands for each patch's group; vectors are overwritten."""
     m = len(vectors)
     member = np.arange(m)
@@ -81,7 +81,6 @@ def _unite(vectors: FloatArray, weight: FloatArray, close: float) -> IntArray:
             return member
         gone = nearest[best]
         vectors[best] += vectors[gone]
-        weight[best] += weight[gone]
         alive[gone] = False
         member[member == gone] = best
         unit[best] = vectors[best] / np.sqrt((vectors[best] ** 2).sum())

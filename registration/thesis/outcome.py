@@ -117,7 +117,7 @@ def _verdict(best: _Pose, others: list[_Pose], params: ThesisParams) -> tuple[St
     if best.translation_mm is None:
         return "failed", (
             "the densest intervals of the three axes have no shift in common; "
-            'translation.density = "3d" looks at the axes together'
+            'translation.density = "3d" looks at the axes together, which may or may not find one'
         )
     if best.overlap < belief.min_overlap:
         return "failed", (
