@@ -67,7 +67,11 @@ def draw_patches(
         f"{amount(len(found.sphere), 'normal')}"
         for (role, view, _), found in zip(roles(pair), views, strict=True)
     ]
-    note = "Number: the patch's normal on the Gauss sphere of its view, 1 has the largest area. "
+    note = (
+        "An outline joins the ends of a patch's first and last segment only, so it can "
+        "miss parts of the patch or cover more. "
+        "Number: the patch's normal on the Gauss sphere of its view, 1 has the largest area. "
+    )
     if len(matches):
         note += "Colour: matched normals have the same one in both views; grey: unmatched"
         note += ". " if len(matches) <= len(NORMAL_COLOURS) else ", or a match of smaller area. "
