@@ -20,7 +20,7 @@ from harness.trials import Trial
 # Columns of text are as wide as their words where nobody watches: a log is not cut to 80 columns.
 LOG_WIDTH = 160
 
-# Of a long table, as of many failures, the terminal shows the beginning; the files have it all.
+# Of a long list, as of many failures, the terminal shows the beginning; the files have it all.
 SHOWN_ROWS = 12
 
 
@@ -113,8 +113,8 @@ def _show_table(console: Console, table: Table, caption: str) -> None:
     for column in table.frame.columns:
         shown.add_column(escape(column), justify="right" if column in table.formats else "left")
     rows = table.text()
-    shortened = len(rows) > SHOWN_ROWS
-    for row in rows[:SHOWN_ROWS]:
+    shortened = len(rows) > SHOWN_ROWS and not table.in_full
+    for row in rows[:SHOWN_ROWS] if shortened else rows:
         shown.add_row(*(escape(cell) for cell in row))
     if shortened:
         shown.caption = f"The first {SHOWN_ROWS} of {len(rows)}. {shown.caption}"

@@ -14,6 +14,7 @@ import numpy as np
 
 from harness import diagnosis
 from harness.common_points import Common, common_points, pose_bounds
+from harness.face_gaps import FaceGaps, centroid_gaps, only
 from harness.pair_view import PairView
 from harness.random_pairs import RandomSpec, drawn_spec
 from harness.scoring import encoder_pose, exact_pose, pose_error
@@ -193,6 +194,20 @@ def common(spec: TrialSpec) -> Common:
         spec.pair_key(),
         lambda: common_points(_sensor(spec), _scene(spec), _both_hits(spec), paths),
     )
+
+
+def face_gaps(spec: TrialSpec) -> FaceGaps:
+    """How far apart both views of a trial of `thesis` see the middles of the same faces."""
+    target, source = _both_hits(spec)
+    T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+    both = common(spec)
+
+    def gaps(one: Hits, other: Hits) -> FloatArray:
+        apex_mm = _sensor(spec).apex_mm
+        return centroid_gaps(one, other, T_exact, spec.step_mm, apex_mm, spec.method.params)
+
+    shared = gaps(only(target, both.target), only(source, both.source))
+    return FaceGaps(gaps(target, source), shared)
 
 
 def _pose_bounds(spec: TrialSpec, target: Scan, source: Scan) -> FloatArray | None:

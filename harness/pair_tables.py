@@ -53,7 +53,7 @@ def _pair_table(
     columns["Exact"] = [*exact, np.nan, np.nan]
     if not np.isnan(theoretical).any():
         columns["Theoretical"] = [*theoretical, np.nan, np.nan]
-    theirs = _thesis_values(pair, labels)
+    theirs = thesis_values(pair, labels)
     if theirs is not None:
         columns["Thesis's estimate"] = [*theirs[0], np.nan, np.nan]
     ours = [float(first["rotation_error_deg"]), float(first["translation_error_mm"])]
@@ -90,6 +90,7 @@ def _pair_table(
         frame,
         {column: signed[column] for column in frame.columns if column in signed},
         _pair_note(rows, len(known)),
+        norms=(len(NAMES), len(NAMES) + 1),
     )
 
 
@@ -127,7 +128,7 @@ def _pair_note(rows: pd.DataFrame, n_known: int) -> str:
     return text
 
 
-def _thesis_values(pair: Pair, labels: RotationLabels) -> tuple[list[float], list[float]] | None:
+def thesis_values(pair: Pair, labels: RotationLabels) -> tuple[list[float], list[float]] | None:
     """The six values it estimated, and its errors: six, the angle and the norm."""
     if pair.printed is None or pair.estimated is None:
         return None

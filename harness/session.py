@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from harness.card import card_table
 from harness.config import dump_yaml, load_experiment
+from harness.face_gaps import FaceGaps
 from harness.pool import MakeExecutor
 from harness.provenance import code_fingerprint, run_facts
 from harness.random_pairs import RandomSpec, build_random_trials, family_of
@@ -21,7 +24,7 @@ from harness.schema import Experiment
 from harness.store import Store, StoreError, load
 from harness.table_files import Table, write_tables
 from harness.tables import all_tables
-from harness.trials import Trial, build_trials, full_specs
+from harness.trials import Trial, TrialSpec, build_trials, full_specs
 from harness.view_tables import arm_table
 
 # Tables that only their files are for.
@@ -127,7 +130,7 @@ def report(session: Session) -> list[Table]:
         tables = random_tables(rows)
         draw_random_figures(rows, session.folder / "figures")
     else:
-        tables = all_tables(session.experiment, rows)
+        tables = all_tables(session.experiment, rows, _gaps(session.trials, rows))
     sensor = session.trials[0].spec.sensor
     card = card_table(sensor.name, sensor.params)
     quiet = [table for table in (arm_table(session.trials), card) if table is not None]
@@ -154,6 +157,19 @@ def resolved(session: Session) -> dict[str, Any]:
         method.pop("preset", None)
         method["params"] = _plain(params[method.get("label", method["name"])])
     return data
+
+
+def _gaps(trials: Sequence[Trial], rows: pd.DataFrame) -> dict[str, FaceGaps]:
+    """By pair, how far apart the views see the same faces, where a method was given true patches.
+
+    No rows hold it: like the card, it follows from the configuration alone.
+    """
+    from harness.execution import face_gaps  # it brings the whole simulation
+
+    entered = rows[rows["given"].isin(["patches", "shared_patches"])]
+    scanned = set(entered.loc[entered["status"] != "error", "id"])
+    specs = {trial.pair: trial.spec for trial in trials if trial.id in scanned}
+    return {pair: face_gaps(spec) for pair, spec in specs.items() if isinstance(spec, TrialSpec)}
 
 
 def _plain(params: Any) -> Any:

@@ -17,6 +17,8 @@ class Table:
 
     name: the stem of its files. caption: how to read it. note: what only this table has to say.
     formats: a format specification ("+.2f") by column; text columns have none.
+    norms: the rows of angles and lengths, whose numbers have no sign.
+    in_full: whether a terminal shows it whole, however long.
     """
 
     name: str
@@ -25,6 +27,8 @@ class Table:
     frame: pd.DataFrame
     formats: dict[str, str] = field(default_factory=dict)
     note: str = ""
+    norms: tuple[int, ...] = ()
+    in_full: bool = False
 
     @property
     def legend(self) -> str:
@@ -35,11 +39,15 @@ class Table:
         """The rows as printed; nothing where there is no number."""
         return [
             [
-                printed(value, self.formats.get(column, ""))
+                printed(value, self._format(column, place))
                 for column, value in zip(self.frame.columns, row, strict=True)
             ]
-            for row in self.frame.itertuples(index=False)
+            for place, row in enumerate(self.frame.itertuples(index=False))
         ]
+
+    def _format(self, column: str, place: int) -> str:
+        specification = self.formats.get(column, "")
+        return specification.removeprefix("+") if place in self.norms else specification
 
 
 def write_tables(tables: Iterable[Table], folder: Path) -> list[Path]:
