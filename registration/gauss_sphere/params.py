@@ -193,8 +193,9 @@ class DecisionParams:
 class GaussSphereParams:
     """All stages of the method.
 
-    calibration: path of the file that the precision experiment wrote for the sensor, or empty: then
-        its bias stays in the scans, and the answers are the less accurate for it.
+    calibration: path of the file that the precision experiment wrote for the sensor: its bias is
+        taken out of the scans and its noise weights their points. Empty for none: then the bias
+        stays in, and the answers are the less accurate for it.
     """
 
     calibration: str = ""

@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from registration.gauss_sphere.beams import Fan, fan_of
-from registration.gauss_sphere.bias import Bias, corrected, read_bias
+from registration.gauss_sphere.calibrated import Known, corrected, read_known
 from registration.gauss_sphere.decision import distinct, judge, same, sliding
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import find_patches
@@ -43,33 +43,30 @@ def describe(scan: Scan, params: GaussSphereParams) -> View:
     fan = fan_of(scan)
     patches = find_patches(fan, find_segments(fan, params.segments), params.patches)
     if params.calibration:
-        fan, patches = without_bias(fan, patches, read_bias(params.calibration), params)
+        fan, patches = calibrated(fan, patches, read_known(params.calibration), params)
     return view_of(fan, patches, params.verification)
 
 
-def without_bias(
-    measured: Fan, patches: Patches, bias: Bias, params: GaussSphereParams
+def calibrated(
+    measured: Fan, patches: Patches, known: Known, params: GaussSphereParams
 ) -> tuple[Fan, Patches]:
-    """The fan and its planes after the sensor's bias was taken out.
+    """The fan and its planes with what is known of the sensor taken into account.
 
     The bias bends planes, which then fall to pieces, and tilts the pieces, by which the bias is
     known: corrected and fitted again in turns, they settle, and come together when found anew.
     """
-    if bias.lateral:  # known without the planes
-        fan = corrected(measured, patches, bias)
-        return fan, find_patches(fan, find_segments(fan, params.segments), params.patches)
-    fan, patches = settle_bias(measured, patches, bias, params)
+    fan, patches = correct_in_turns(measured, patches, known, params)
     patches = find_patches(fan, find_segments(fan, params.segments), params.patches)
-    return settle_bias(measured, patches, bias, params)
+    return correct_in_turns(measured, patches, known, params)
 
 
-def settle_bias(
-    measured: Fan, patches: Patches, bias: Bias, params: GaussSphereParams
+def correct_in_turns(
+    measured: Fan, patches: Patches, known: Known, params: GaussSphereParams
 ) -> tuple[Fan, Patches]:
     """Correct the points of the patches by their planes and fit again, in turns."""
     fan = measured
     for _ in range(params.patches.bias_rounds):
-        fan = corrected(measured, patches, bias)
+        fan = corrected(measured, patches, known)
         patches = fit_patches(fan, patches.label, patches.n_points.size, params.patches)
     return fan, patches
 

@@ -11,7 +11,7 @@ from plane_scans import Plates, plates_from, scan_plates
 
 from registration import Scan, register
 from registration.calibration import Calibration, CalibrationError, Table
-from registration.gauss_sphere.bias import bias_of, corrected
+from registration.gauss_sphere.calibrated import corrected, known_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.pipeline import describe
 
@@ -80,13 +80,30 @@ def test_planes_are_straight_again(form: str, made: Plates, tmp_path: Path) -> N
 def test_the_fast_table_is_the_calibration(form: str, made: Plates) -> None:
     model = calibration(form)
     view = describe(scan_plates(made), GaussSphereParams())
-    taken = view.fan.depth_mm - corrected(view.fan, view.patches, bias_of(model)).depth_mm
+    taken = view.fan.depth_mm - corrected(view.fan, view.patches, known_of(model)).depth_mm
     on = view.patches.label >= 0
     normal = view.patches.normal[view.patches.label[on]]
     slope = view.fan.slope[on]
     cos = -(normal[:, 1] * slope + normal[:, 2]) / np.sqrt(1.0 + slope**2)
     expected = model.bias_mm(view.fan.depth_mm[on] - 60.0, slope, cos)
     np.testing.assert_allclose(taken[on], expected, atol=2e-3)
+
+
+def test_points_are_weighted_by_the_noise_of_their_inclination(made: Plates) -> None:
+    level = calibration("incidence")
+    steep = np.array([[0.5, 0.5, 2.0, 2.0]] * DEPTH_MM.size)  # four times the noise on a slant
+    model = replace(level, sigma=Table(DEPTH_MM, np.array([0.0, 0.28, 0.36, 3.0]), steep))
+    view = describe(scan_plates(made), GaussSphereParams())
+    fan = corrected(view.fan, view.patches, known_of(model))
+    sigma = []
+    for plate in (0, 2):
+        normal = made.axes[plate, 2] * -np.sign(made.axes[plate, 2, 2])
+        i = np.argmin(np.linalg.norm(view.patches.normal - normal, axis=1))
+        sigma.append(np.median(fan.sigma_mm[view.patches.label == i]))
+    assert sigma[1] / sigma[0] == pytest.approx(4.0, rel=0.05)
+    uniform = corrected(view.fan, view.patches, known_of(level))
+    on = view.patches.label >= 0
+    np.testing.assert_allclose(uniform.sigma_mm[on], view.fan.sigma_mm[on], rtol=0.3)
 
 
 def test_a_broken_calibration_is_named(exact_pair, tmp_path: Path) -> None:
