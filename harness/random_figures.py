@@ -15,17 +15,8 @@ from scipy.stats import chi2
 
 from harness.figures_page import GREY, INK, Style, add_axes, new_figure, save
 from harness.pair_tables import NAMES
-from harness.random_tables import (
-    BANDS,
-    COUNTED,
-    THRESHOLDS,
-    bound_table,
-    grouped,
-    in_band,
-    squared_distances,
-    with_family,
-    within,
-)
+from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family, within
+from harness.random_tables import COUNTED, bound_table, squared_distances
 from harness.scoring import COARSE, FINE, wilson_interval
 
 # Okabe and Ito's colours, safe for the colour-blind.

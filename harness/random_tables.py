@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,42 +12,14 @@ from scipy.stats import chi2
 
 from harness.bound import parameter_deviations
 from harness.pair_tables import COLUMNS, NAMES
-from harness.random_pairs import family_of
-from harness.scoring import COARSE, FINE, Tolerance, wilson_interval
+from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family, within
+from harness.scoring import COARSE, FINE, wilson_interval
 from harness.table_files import Table
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 LEVELS = (0.5, 0.9, 0.99)
 COUNTED = ("all points of shared faces", "points in the overlap only")
-
-
-class Band(NamedTuple):
-    """A range of overlap, the smaller share of the two views; the low end belongs to it."""
-
-    name: str
-    low: float
-    high: float
-
-
-BANDS = (
-    Band("0.2 to 0.4", 0.0, 0.4),
-    Band("0.4 to 0.6", 0.4, 0.6),
-    Band("0.6 to 1", 0.6, 1.01),
-    Band("over 0.4", 0.4, 1.01),
-    Band("any", 0.0, 1.01),
-)
-
-# From 0.1 deg and 0.3 mm over 1 deg and 5 mm to 5 deg and 30 mm, even on a logarithmic scale.
-THRESHOLDS = tuple(
-    Tolerance(float(angle), float(length))
-    for angles, lengths in (
-        (np.geomspace(0.1, 1.0, 9), np.geomspace(0.3, 5.0, 9)),
-        (np.geomspace(1.0, 5.0, 7)[1:], np.geomspace(5.0, 30.0, 7)[1:]),
-    )
-    for angle, length in zip(angles, lengths, strict=True)
-)
 
 
 def random_tables(rows: pd.DataFrame) -> list[Table]:
@@ -65,38 +36,6 @@ def random_tables(rows: pd.DataFrame) -> list[Table]:
         wrong_table(known),
     ]
     return [table for table in tables if len(table.frame)]
-
-
-def with_family(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with the columns family and overlap, the smaller share of the two views."""
-    known = rows.copy()
-    known["family"] = [family_of(pair) for pair in rows["pair"]]
-    known["overlap"] = rows[["overlap_target", "overlap_source"]].min(axis=1)
-    return known
-
-
-def within(rows: pd.DataFrame, tolerance: Tolerance) -> BoolArray:
-    """(n,) which rows are answered "ok" and within the tolerance."""
-    right = (
-        (rows["status"] == "ok")
-        & (rows["rotation_error_deg"] <= tolerance.rotation_deg)
-        & (rows["translation_error_mm"] <= tolerance.translation_mm)
-    )
-    return right.to_numpy(dtype=bool)
-
-
-def in_band(rows: pd.DataFrame, band: Band) -> pd.DataFrame:
-    """The rows whose overlap lies in the band."""
-    return rows[(rows["overlap"] >= band.low) & (rows["overlap"] < band.high)]
-
-
-def grouped(rows: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Family, method and their rows; all families together first, if there are several."""
-    families = list(rows["family"].unique())
-    for family in ["all", *families] if len(families) > 1 else families:
-        of_family = rows if family == "all" else rows[rows["family"] == family]
-        for method in rows["method"].unique():
-            yield family, str(method), of_family[of_family["method"] == method]
 
 
 def success_table(rows: pd.DataFrame) -> Table:

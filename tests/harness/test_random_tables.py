@@ -7,15 +7,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.bound import parameter_deviations
 from harness.pair_tables import COLUMNS, NAMES
+from harness.random_groups import BANDS, THRESHOLDS, with_family
 from harness.random_tables import (
-    BANDS,
-    THRESHOLDS,
     bound_table,
     calibration_table,
     random_tables,
     squared_distances,
     success_table,
-    with_family,
     wrong_table,
 )
 from harness.scoring import FINE, parameter_errors, pose_error, six_parameters

@@ -1,0 +1,74 @@
+"""How the rows on random pairs are grouped, and which of them are right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from harness.random_pairs import family_of
+from harness.scoring import Tolerance
+
+BoolArray = NDArray[np.bool_]
+
+
+class Band(NamedTuple):
+    """A range of overlap, the smaller share of the two views; the low end belongs to it."""
+
+    name: str
+    low: float
+    high: float
+
+
+BANDS = (
+    Band("0.2 to 0.4", 0.0, 0.4),
+    Band("0.4 to 0.6", 0.4, 0.6),
+    Band("0.6 to 1", 0.6, 1.01),
+    Band("over 0.4", 0.4, 1.01),
+    Band("any", 0.0, 1.01),
+)
+
+# From 0.1 deg and 0.3 mm over 1 deg and 5 mm to 5 deg and 30 mm, even on a logarithmic scale.
+THRESHOLDS = tuple(
+    Tolerance(float(angle), float(length))
+    for angles, lengths in (
+        (np.geomspace(0.1, 1.0, 9), np.geomspace(0.3, 5.0, 9)),
+        (np.geomspace(1.0, 5.0, 7)[1:], np.geomspace(5.0, 30.0, 7)[1:]),
+    )
+    for angle, length in zip(angles, lengths, strict=True)
+)
+
+
+def with_family(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with the columns family and overlap, the smaller share of the two views."""
+    known = rows.copy()
+    known["family"] = [family_of(pair) for pair in rows["pair"]]
+    known["overlap"] = rows[["overlap_target", "overlap_source"]].min(axis=1)
+    return known
+
+
+def within(rows: pd.DataFrame, tolerance: Tolerance) -> BoolArray:
+    """(n,) which rows are answered "ok" and within the tolerance."""
+    right = (
+        (rows["status"] == "ok")
+        & (rows["rotation_error_deg"] <= tolerance.rotation_deg)
+        & (rows["translation_error_mm"] <= tolerance.translation_mm)
+    )
+    return right.to_numpy(dtype=bool)
+
+
+def in_band(rows: pd.DataFrame, band: Band) -> pd.DataFrame:
+    """The rows whose overlap lies in the band."""
+    return rows[(rows["overlap"] >= band.low) & (rows["overlap"] < band.high)]
+
+
+def grouped(rows: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
+    """Family, method and their rows; all families together first, if there are several."""
+    families = list(rows["family"].unique())
+    for family in ["all", *families] if len(families) > 1 else families:
+        of_family = rows if family == "all" else rows[rows["family"] == family]
+        for method in rows["method"].unique():
+            yield family, str(method), of_family[of_family["method"] == method]
