@@ -145,8 +145,8 @@ def stage_table(experiment: Experiment, rows: pd.DataFrame, gaps: Mapping[str, F
         "those of one face goes into its translation.",
         pd.DataFrame(records),
         {"Rotation error (deg)": ".3f", "Translation error (mm)": ".2f"},
-        " ".join(
-            f"Pair {name}: {text}"
+        "".join(
+            f"\nPair {name}: {text}"
             for name, pair in experiment.pairs.items()
             if (text := _why(experiment, pair, rows[rows["pair"] == name], gaps.get(name)))
         ),
