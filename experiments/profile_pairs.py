@@ -215,6 +215,8 @@ def _resolved(experiment: ProfilesExperiment, trials: Sequence[Trial]) -> dict[s
     assert isinstance(spec, TrialSpec)
     data["scene"]["params"] = _plain(spec.scene.params)
     data["sensor"]["params"] = _plain(spec.sensor.params)
+    if spec.target.arm is not None:
+        data["arm"] = _plain(spec.target.arm)
     params = {trial.label: trial.spec.method.params for trial in trials}
     for method in data["methods"]:
         method.pop("preset", None)

@@ -20,15 +20,19 @@ from experiments.profile_pairs import (
 )
 from experiments.profile_tables import profile_tables
 from harness.config_errors import ConfigError
+from harness.scoring import six_parameters
+from harness.trials import TrialSpec
 from registration import Scan
+from sensors.arm import ArmPath
 
 CONFIG = Path(__file__).parents[2] / "configs" / "foam_2d.yaml"
 EXACT = "sensor.params={noise: {enabled: false}}"
+NO_ARM = "arm=null"
 
 
 @pytest.fixture(scope="module")
 def exact_rows() -> pd.DataFrame:
-    _, trials = load_profiles(CONFIG, [EXACT, "repeats=1"])
+    _, trials = load_profiles(CONFIG, [EXACT, NO_ARM, "repeats=1"])
     return measure(trials)
 
 
@@ -60,6 +64,24 @@ def test_rows_are_the_same_in_every_run() -> None:
     _, trials = load_profiles(CONFIG, ["scan.profiles=5", "repeats=1"])
     first, second = (measure(trials).drop(columns="ms") for _ in range(2))
     pd.testing.assert_frame_equal(first, second)
+
+
+def test_the_arm_carries_both_views_unless_told_otherwise() -> None:
+    _, trials = load_profiles(CONFIG, ["repeats=1", "scan.profiles=3"])
+    spec = trials[0].spec
+    assert isinstance(spec, TrialSpec)
+    target, source = spec.path(spec.target), spec.path(spec.source)
+    assert isinstance(target, ArmPath)
+    assert isinstance(source, ArmPath)
+    exact = target.T_world_profile.inv() * source.T_world_profile
+    found = [pair.exact for pair in register_profiles(trials[0])]
+    for k, pose in enumerate(found):
+        np.testing.assert_allclose(pose.as_matrix(), exact[k].as_matrix(), atol=1e-9)
+    # The bracket separates the exact pose from the one that was asked for.
+    asked = six_parameters(found[0])[[0, 4, 5]] - [-58.40, -458.2, 383.2]
+    assert 1.0 < np.linalg.norm(asked[1:]) < 10.0
+    with pytest.raises(ConfigError, match="joint 2 would have to turn to"):
+        load_profiles(CONFIG, ["arm.base_mm=[-1050, -1300, 125]"])
 
 
 def test_outliers_are_far_from_the_median_in_any_parameter() -> None:
