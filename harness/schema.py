@@ -12,6 +12,7 @@ Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 Vector = tuple[float, float, float]
 Angles = tuple[Angle, Angle, Angle]
 RotationLabels = Literal["printed", "swapped", "cyclic"]
+BeyondReach = Literal["refuse", "straight_line", "straight_line_unless_swapped"]
 Truth = Literal["segments", "patches", "shared_patches", "rotation"]
 
 
@@ -64,11 +65,13 @@ class PlacedView(Strict):
     """A view placed so that the pose of a pair is the one printed for it, as commanded.
 
     beyond_reach: what becomes of the view where the arm cannot follow its line: the configuration
-        is refused, or the sensor moves without an arm and the run says so.
+        is refused, or the sensor moves without an arm and the run says so. With
+        straight_line_unless_swapped the latter holds for other readings of rotation_labels, which
+        place a view where nobody drove an arm; swapped ones are refused.
     """
 
     placed_by: str
-    beyond_reach: Literal["refuse", "straight_line"] = "refuse"
+    beyond_reach: BeyondReach = "refuse"
 
 
 class RelativeView(Strict):

@@ -190,7 +190,9 @@ def _carried(view: ViewSpec, arm: ArmParams | None, experiment: Experiment, file
         carried.path(experiment.scan.profiles, experiment.scan.step_mm)
     except ReachError as error:
         chosen = experiment.views[view.name]
-        if isinstance(chosen, PlacedView) and chosen.beyond_reach == "straight_line":
+        leave = chosen.beyond_reach if isinstance(chosen, PlacedView) else "refuse"
+        misread = experiment.rotation_labels != "swapped"
+        if leave == "straight_line" or (leave == "straight_line_unless_swapped" and misread):
             return view
         raise ConfigError(file, ("views", view.name), f"out of the arm's reach: {error}") from None
     return carried

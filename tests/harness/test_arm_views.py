@@ -109,6 +109,9 @@ def test_a_view_out_of_reach_is_refused_before_any_scan(
 
 
 def test_a_placed_view_out_of_reach_needs_leave_to_go_without_the_arm() -> None:
+    # Leave is given to other readings of the labels only, not to an arm that stands too far away.
+    with pytest.raises(ConfigError, match=r"views\.right: out of the arm's reach: .*joint 3"):
+        trials_of("arm.base_mm=[-1050, -100, 125]", "scan.profiles=130")
     printed = "rotation_labels=printed"
     with pytest.raises(ConfigError, match=r"views\.right: out of the arm's reach"):
         trials_of(printed, "views.right={placed_by: '6.5'}")
