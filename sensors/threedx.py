@@ -18,7 +18,7 @@ import struct
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ X_TOLERANCE_MM = 0.05  # half of what the file could resolve, had it an X
 _WIDE = struct.Struct("<6sB5H4HHHB")
 _NARROW = struct.Struct("<6sB5H4BHHB")
 _PROFILE_HEAD = struct.Struct("<HB")
+_ARRAYS = {"y_tenth_mm": "<i2", "z_tenth_mm": "<i2", "intensity": "u1", "direction": "u1"}
 _PIXEL = np.dtype([("y", "<i2"), ("z", "<i2"), ("intensity", "u1")])
 
 Shorts = NDArray[np.int16]
@@ -153,6 +154,8 @@ def encode(raw: RawProfiles) -> bytes:
         )
     if raw.direction.shape != shape[:1]:
         raise ThreeDxError(f"direction has shape {raw.direction.shape}; expected {shape[:1]}")
+    for name, field in _ARRAYS.items():
+        _check_range(name, getattr(raw, name), np.iinfo(field))
     layout = _Layout(_NARROW if raw.narrow else _WIDE, *shape)
     table = np.zeros(shape[0], layout.table_dtype())
     table["pixels"] = layout.pixels
@@ -176,6 +179,16 @@ def encode(raw: RawProfiles) -> bytes:
     if raw.narrow and _fitting(data[: _WIDE.size + _PROFILE_HEAD.size], len(data), _WIDE):
         raise ThreeDxError("this narrow header would be read back as a wide one; write a wide one")
     return data
+
+
+def _check_range(name: str, values: NDArray[Any], field: np.iinfo[Any]) -> None:
+    """Raise ThreeDxError where a number would not come back from its field as it went in."""
+    if values.dtype.kind not in "iu":
+        raise ThreeDxError(f"{name} has type {values.dtype}; expected whole numbers")
+    if (beyond := (values < field.min) | (values > field.max)).any():
+        where = np.argwhere(beyond)[0].tolist()
+        found = f"{name}{where} is {values[tuple(where)]}"
+        raise ThreeDxError(f"{found}; its field holds {field.min} to {field.max}")
 
 
 def to_scan(raw: RawProfiles, step_mm: float) -> Scan:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -171,6 +172,27 @@ def test_narrow_file_that_reads_as_a_wide_one_is_not_written():
     )
     with pytest.raises(ThreeDxError, match="read back as a wide one"):
         threedx.encode(raw)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("y_tenth_mm", 40000, r"y_tenth_mm\[1, 3\] is 40000; its field holds -32768 to 32767"),
+        ("z_tenth_mm", -32769, r"z_tenth_mm\[1, 3\] is -32769"),
+        ("intensity", 256, r"intensity\[1, 3\] is 256; its field holds 0 to 255"),
+        ("direction", -1, r"direction\[1\] is -1; its field holds 0 to 255"),
+        ("intensity", 0.5, "intensity has type float64; expected whole numbers"),
+    ],
+)
+def test_numbers_that_do_not_fit_their_field_are_not_written(name, value, message):
+    raw = random_raw(11)
+    values = getattr(raw, name).astype(type(value))
+    values[(1, 3)[: values.ndim]] = value
+    with pytest.raises(ThreeDxError, match=message):
+        threedx.encode(replace(raw, **{name: values}))
+    # A wider type alone is no fault.
+    wide = {n: getattr(raw, n).astype(np.int64) for n in ("y_tenth_mm", "intensity", "direction")}
+    assert threedx.encode(replace(raw, **wide)) == threedx.encode(raw)
 
 
 @pytest.mark.parametrize("narrow", [False, True])
