@@ -45,9 +45,15 @@ class ArmParams:
     bracket_deg: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        for name in ("base_mm", "bracket_mm", "bracket_deg"):
+            if np.shape(getattr(self, name)) != (3,):
+                raise ValueError(f"{name} is {getattr(self, name)}; expected three numbers")
         numbers = (*self.base_mm, self.base_yaw_deg, *self.bracket_mm, *self.bracket_deg)
         if not np.isfinite(numbers).all():
             raise ValueError("base and bracket hold a number that is not finite; expected mm, deg")
+        for name, most in (("base_yaw_deg", 360.0), ("bracket_mm", 1000.0), ("bracket_deg", 180.0)):
+            if np.abs(getattr(self, name)).max() > most:
+                raise ValueError(f"{name} is {getattr(self, name)}; expected {-most:g} to {most:g}")
         if not 0.0 < self.track_step_mm < np.inf:
             raise ValueError(f"track_step_mm is {self.track_step_mm}; expected a length above 0 mm")
         low, high = f3.LIMITS[0]

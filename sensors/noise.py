@@ -92,6 +92,13 @@ class NoiseParams:
     mixed_step_mm: float = 60.0
 
     def __post_init__(self) -> None:
+        if self.bulge not in ("incidence", "lateral", "none"):
+            raise ValueError(f"bulge is {self.bulge!r}; expected 'incidence', 'lateral' or 'none'")
+        for name in ("enabled", "bulge_towards_sensor", *SWITCHES[1:]):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"{name} is {getattr(self, name)!r}; expected True or False")
+        if not isinstance(self.ghost_pixels, int):
+            raise ValueError(f"ghost_pixels is {self.ghost_pixels}; expected a whole number")
         for name in ("bulge", "sigma", "speckle", "step"):
             near, far = getattr(self, f"{name}_near_mm"), getattr(self, f"{name}_far_mm")
             if not 0.0 < near < far < np.inf:

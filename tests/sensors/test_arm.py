@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from experiments.profile_pairs import load_profiles
+from harness.config import experiment_kind, load_experiment, read_mapping
+from harness.trials import build_trials, full_specs
 from scenes import SCENES
 from sensors import arm, f3
 from sensors.arm import TOOL_CENTRE_POINT, ArmParams, ReachError, viewing_line
 from sensors.arm_picture import model_with_arm, place_arm
 from sensors.paths import aimed_view
+
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def differences(a: RigidTransform, b: RigidTransform) -> tuple[float, float]:
@@ -21,48 +29,43 @@ def differences(a: RigidTransform, b: RigidTransform) -> tuple[float, float]:
     return float(distance_mm.max()), float(np.rad2deg(between.rotation.magnitude()).max())
 
 
-def relative(T_here: RigidTransform, rotation_deg: list[float], translation_mm: list[float]):
-    """Pose of a view from which T_here is seen by (4-6), (4-7) with psi, phi, theta and T."""
-    turn = Rotation.from_euler("ZYX", rotation_deg[::-1], degrees=True)
-    return T_here * RigidTransform.from_components(translation_mm, turn).inv()
+def published_views() -> dict[str, tuple[str, RigidTransform, int, float, ArmParams]]:
+    """Scene, commanded pose, line and arm of every view that the shipped configs take."""
+    views = {}
+    for file in sorted(CONFIGS.glob("*.yaml")):
+        if "views" not in read_mapping(file):
+            continue
+        load = load_profiles if experiment_kind(file) == "profiles" else load_pairs
+        for spec in full_specs(load(file)[1]):
+            for view in (spec.target, spec.source):
+                T_world_view = view.commanded(spec.profiles, spec.step_mm)
+                # The bracket is no part of what the arm is told.
+                params = replace(view.arm, bracket_mm=(0.0,) * 3, bracket_deg=(0.0,) * 3)
+                line = (spec.scene.name, T_world_view, spec.profiles, spec.step_mm, params)
+                views[f"{file.stem} {view.name}"] = line
+    return views
 
 
-def published_views() -> dict[str, tuple[str, RigidTransform, int, float]]:
-    """Views of tables 6.1 to 6.5 as the configs place them, labels of 6.2 to 6.5 swapped."""
-    real = aimed_view([0, 0, 120], 1030, 0, np.deg2rad(25), 0, 130, 3.0)
-    virtual = aimed_view([0, 0, 40], 1030, 0, np.deg2rad(25), 0, 40, 5.0)
-    foam = aimed_view([0, 0, 100], 600, np.deg2rad(29.2), np.deg2rad(15), 0, 44, 5.0)
-    to_center = RigidTransform.from_components(
-        [0, -410.2, 188.8], Rotation.from_euler("x", -25.44, degrees=True)
-    )
-    foam_left = RigidTransform.from_components(
-        [0, -458.2, 383.2], Rotation.from_euler("x", -58.40, degrees=True)
-    )
-    left = relative(virtual, [14.89, 5.15, 0], [0, 300, 0])
-    right = relative(virtual, [-14.89, -5.15, 0], [0, -260, 0])
-    return {
-        "desk center": ("desk", real, 130, 3.0),
-        "desk left": ("desk", real * to_center, 130, 3.0),
-        "desk right": ("desk", relative(real, [-34.43, 0, 0], [0, -651.4, -229.6]), 130, 3.0),
-        "desk_virtual center": ("desk", virtual, 40, 5.0),
-        "desk_virtual left": ("desk", left, 40, 5.0),
-        "desk_virtual right": ("desk", right, 40, 5.0),
-        "foam right": ("foam_chair", foam, 44, 5.0),
-        "foam left": ("foam_chair", foam * foam_left, 44, 5.0),
-    }
+def load_pairs(file: Path):
+    experiment = load_experiment(file)
+    return experiment, build_trials(experiment, file)
 
 
 VIEWS = published_views()
 
 
+def test_all_experiments_of_chapter_6_are_driven():
+    assert {name.split()[0] for name in VIEWS} >= {"desk", "desk_virtual", "foam", "foam_2d"}
+
+
 @pytest.mark.parametrize("name", VIEWS)
 def test_perfect_bracket_leaves_the_three_poses_close_but_apart(name):
-    _, T_world_view, profiles, step_mm = VIEWS[name]
-    path = viewing_line(T_world_view, profiles, step_mm, ArmParams(), seed=3)
+    _, *view, params = VIEWS[name]
+    path = viewing_line(*view, params, seed=3)
     commanded, encoder, exact = (
         path.T_world_commanded, path.T_world_encoder, path.T_world_profile
     )  # fmt: skip
-    np.testing.assert_allclose(commanded[0].as_matrix(), T_world_view.as_matrix(), atol=1e-9)
+    np.testing.assert_allclose(commanded[0].as_matrix(), view[0].as_matrix(), atol=1e-9)
     for one, other in ((commanded, encoder), (encoder, exact), (commanded, exact)):
         distance_mm, angle_deg = differences(one, other)
         assert 1e-4 < distance_mm < 0.1
@@ -71,8 +74,8 @@ def test_perfect_bracket_leaves_the_three_poses_close_but_apart(name):
 
 @pytest.mark.parametrize("name", VIEWS)
 def test_published_views_are_driven_smoothly_within_the_limits(name):
-    _, T_world_view, profiles, step_mm = VIEWS[name]
-    path = viewing_line(T_world_view, profiles, step_mm, ArmParams())
+    _, *view, params = VIEWS[name]
+    path = viewing_line(*view, params)
     joints = f3.from_pulses(path.counts)
     assert (joints >= f3.LIMITS[:, 0]).all()
     assert (joints <= f3.LIMITS[:, 1]).all()
@@ -83,10 +86,10 @@ def test_published_views_are_driven_smoothly_within_the_limits(name):
 
 @pytest.mark.parametrize("name", VIEWS)
 def test_arm_neither_touches_the_scene_nor_stands_in_the_view(name):
-    scene_name, T_world_view, profiles, step_mm = VIEWS[name]
+    scene_name, T_world_view, profiles, step_mm, params = VIEWS[name]
     entry = SCENES[scene_name]
-    path = viewing_line(T_world_view, profiles, step_mm, ArmParams())
-    model = model_with_arm(entry.builder(entry.params_type()), ArmParams())
+    path = viewing_line(T_world_view, profiles, step_mm, params)
+    model = model_with_arm(entry.builder(entry.params_type()), params)
     hit = np.zeros(1, np.int32)
     for profile in (0, profiles // 2, profiles - 1):
         data = place_arm(model, path, profile)
@@ -103,7 +106,7 @@ def test_arm_neither_touches_the_scene_nor_stands_in_the_view(name):
 
 def test_bracket_error_moves_the_exact_poses_by_what_it_implies():
     params = ArmParams(bracket_mm=(1.5, -2.0, 0.7), bracket_deg=(0.4, -0.3, 0.6))
-    _, T_world_left, profiles, step_mm = VIEWS["desk left"]
+    _, T_world_left, profiles, step_mm, _ = VIEWS["desk left"]
     _, T_world_center, *_ = VIEWS["desk center"]
     left = viewing_line(T_world_left, profiles, step_mm, params)
     center = viewing_line(T_world_center, profiles, step_mm, params)
@@ -123,7 +126,7 @@ def test_bracket_error_moves_the_exact_poses_by_what_it_implies():
 
 
 def test_profiles_lie_on_the_sensors_x_at_multiples_of_the_step():
-    _, T_world_view, profiles, step_mm = VIEWS["desk center"]
+    _, T_world_view, profiles, step_mm, _ = VIEWS["desk center"]
     path = viewing_line(T_world_view, profiles, step_mm, ArmParams(), seed=4)
     in_view = T_world_view.inv() * path.T_world_profile
     planned = np.outer(step_mm * np.arange(profiles), [1.0, 0.0, 0.0])
@@ -132,7 +135,7 @@ def test_profiles_lie_on_the_sensors_x_at_multiples_of_the_step():
 
 
 def test_moving_base_and_view_together_moves_the_poses_along():
-    _, T_world_view, profiles, step_mm = VIEWS["desk_virtual left"]
+    _, T_world_view, profiles, step_mm, _ = VIEWS["desk_virtual left"]
     params = ArmParams()
     move = RigidTransform.from_components(
         [300.0, -200.0, 55.0], Rotation.from_euler("z", 70.0, degrees=True)
@@ -159,7 +162,7 @@ def test_line_through_the_straight_wrist_keeps_joint_4_still():
 
 
 def test_rest_within_a_count_is_seeded():
-    _, *view = VIEWS["desk_virtual center"]
+    _, *view, _ = VIEWS["desk_virtual center"]
     first, again, other = (viewing_line(*view, ArmParams(), seed=s) for s in (1, 1, 2))
     assert first is again
     np.testing.assert_array_equal(first.counts, other.counts)
@@ -167,7 +170,7 @@ def test_rest_within_a_count_is_seeded():
 
 
 def test_next_view_turns_the_waist_and_moves_along_the_track():
-    _, *view = VIEWS["desk_virtual center"]
+    _, *view, _ = VIEWS["desk_virtual center"]
     path = viewing_line(*view, ArmParams())
     T_world_next = arm.next_view(path.counts[0], 569 * -20, 100 * 300, ArmParams())
     axis_mm = ArmParams().T_world_base.apply([0.0, path.track_mm, 0.0])
@@ -215,6 +218,10 @@ def test_passing_a_limit_names_joint_value_and_limit(turns_deg, joint, limit):
         ({"track_mm": 2700.0}, "track_mm is 2700.0; the track runs from 0 to 2600 mm"),
         ({"track_step_mm": 0.0}, "track_step_mm is 0.0"),
         ({"base_mm": (0.0, float("nan"), 0.0)}, "not finite"),
+        ({"base_mm": (0.0, 1.0)}, r"base_mm is \(0.0, 1.0\); expected three numbers"),
+        ({"base_yaw_deg": 400.0}, "base_yaw_deg is 400.0; expected -360 to 360"),
+        ({"bracket_mm": (0.0, 0.0, 2000.0)}, "bracket_mm is .*; expected -1000 to 1000"),
+        ({"bracket_deg": (0.0, 200.0, 0.0)}, "bracket_deg is .*; expected -180 to 180"),
     ],
 )
 def test_impossible_parameters_are_refused(fields, message):

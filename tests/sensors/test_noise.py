@@ -249,6 +249,9 @@ def test_the_square_law_meets_its_ends_and_is_a_square() -> None:
         ({"bulge_far_mm": 1.0}, "expected lengths above 0 mm, the far one larger"),
         ({"grazing_deg": 95.0}, "grazing_deg is 95.0; expected 0.0 to 90.0"),
         ({"spot_pixels": np.nan}, "spot_pixels is nan; expected 0.0 to 0.5"),
+        ({"bulge": "lateraal"}, "bulge is 'lateraal'; expected 'incidence', 'lateral' or 'none'"),
+        ({"speckle": "no"}, "speckle is 'no'; expected True or False"),
+        ({"ghost_pixels": 2.5}, "ghost_pixels is 2.5; expected a whole number"),
     ],
 )
 def test_impossible_noise_is_refused(wrong: dict, message: str) -> None:
