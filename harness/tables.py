@@ -138,7 +138,7 @@ def stage_table(experiment: Experiment, rows: pd.DataFrame, gaps: Mapping[str, F
         "stages",
         "Where accuracy is lost",
         "The method with the truth in place of what its stages find. An error that falls with a "
-        "deeper entry came from the stages left out; it may also rise, as the stages that remain "
+        "deeper entry points at the stages left out; it may also rise, as the stages that remain "
         "then work on other patches, and errors of several stages may have cancelled. Medians over "
         "the trials answered; patches and normals of source, target. True segments and patches "
         "hold no noise: one trial tells. The method lays centroids on each other, so what parts "
