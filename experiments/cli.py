@@ -127,6 +127,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--method", metavar="NAME", help="for --register: the method [gauss_sphere]"
     )
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="for --register: bias and noise of the sensor, as configs/precision.yaml writes it",
+    )
     return parser
 
 
@@ -135,7 +141,7 @@ def _check_register(options: argparse.Namespace) -> None:
     from harness.config_errors import ConfigError
 
     if options.register is None:
-        for name in ("step", "method"):
+        for name in ("step", "method", "calibration"):
             if getattr(options, name) is not None:
                 raise ConfigError(f"--{name}", (), "belongs to --register TARGET SOURCE")
         return
@@ -210,7 +216,8 @@ def _run(options: argparse.Namespace) -> int:
 
         target, source = options.register
         method = options.method or "gauss_sphere"
-        return register_files(target, source, options.step, method, options.out)
+        files = target, source, options.calibration
+        return register_files(*files, options.step, method, options.out)
     from experiments import commands
     from harness.session import open_session
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -13,6 +16,7 @@ from experiments.terminal import make_console
 from harness.clouds import SOURCE_RGB, TARGET_RGB, measured_points, write_cloud
 from harness.config_errors import ConfigError
 from harness.scoring import six_parameters
+from registration.calibration import CalibrationError, read_calibration
 from registration.methods import UnknownMethodError, find_method, register
 from registration.peers import MissingPeerError
 from registration.result import RegistrationResult
@@ -21,17 +25,24 @@ from sensors.scan_files import ScanFileError, read_scan
 
 
 def register_files(
-    target_file: Path, source_file: Path, step_mm: float | None, method: str, folder: Path | None
+    target_file: Path,
+    source_file: Path,
+    calibration_file: Path | None,
+    step_mm: float | None,
+    method: str,
+    folder: Path | None,
 ) -> int:
     """Register the source to the target, print the result, write the merged cloud.
 
     Returns the exit status: EXIT_FAILED without an estimate. Raises ConfigError, one line, before
     anything is written.
     """
+    folder = folder or Path("results") / f"{target_file.stem}_{source_file.stem}"
+    _check_folder(folder)
     try:
-        find_method(method)
+        params = _params(method, calibration_file)
         target, source = (read_scan(file, step_mm) for file in (target_file, source_file))
-        result = register(target, source, method)
+        result = register(target, source, method, params)
     except (ScanFileError, UnknownMethodError, MissingPeerError) as error:
         raise ConfigError("--register", (), str(error)) from None
     console = make_console()
@@ -39,12 +50,12 @@ def register_files(
     pose = result.T_target_source
     if pose is None:
         return EXIT_FAILED
-    folder = folder or Path("results") / f"{target_file.stem}_{source_file.stem}"
     merged = [measured_points(target), pose.apply(measured_points(source))]
     facts = {
         "target": str(target_file),
         "source": str(source_file),
         "method": method,
+        "calibration": None if calibration_file is None else str(calibration_file),
         "status": result.status,
         "reason": result.reason,
         "T_target_source": pose.as_matrix().tolist(),
@@ -60,6 +71,39 @@ def register_files(
         raise ConfigError("--out", (), message) from None
     console.print(f"Written:\n  {cloud}  target blue, source orange, in mm\n  {answer}")
     return EXIT_OK if result.status == "ok" else EXIT_FAILED
+
+
+def _params(method: str, calibration_file: Path | None) -> Any:
+    """The method's parameters with this calibration, or None; a wrong file is told at once."""
+    params_type = find_method(method).params_type
+    if calibration_file is None:
+        return None
+    takes = dataclasses.is_dataclass(params_type) and any(
+        field.name == "calibration" for field in dataclasses.fields(params_type)
+    )
+    if not takes:
+        message = f"method {method!r} takes none; gauss_sphere does"
+        raise ConfigError("--calibration", (), message)
+    try:
+        read_calibration(calibration_file)
+    except OSError as error:
+        message = f"{calibration_file}: {error.strerror}; configs/precision.yaml makes one"
+        raise ConfigError("--calibration", (), message) from None
+    except CalibrationError as error:
+        raise ConfigError("--calibration", (), str(error)) from None
+    return params_type(calibration=str(calibration_file))
+
+
+def _check_folder(folder: Path) -> None:
+    """Raise ConfigError where a results folder could not be made, before any time is spent."""
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        problem = f"{there} is a file"
+    elif not os.access(there, os.W_OK | os.X_OK):
+        problem = f"{there} cannot be written to"
+    else:
+        return
+    raise ConfigError("--out", (), f"{folder} cannot be a results folder: {problem}; give another")
 
 
 def _tell(console: Console, result: RegistrationResult) -> None:

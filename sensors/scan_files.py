@@ -27,6 +27,8 @@ def read_scan(path: Path, step_mm: float | None) -> Scan:
     beside `intensity` and `apex_mm` as of Scan, and it is taken from there when None is given.
     Raises ScanFileError.
     """
+    if path.is_dir():
+        raise ScanFileError(f"{path}: is a folder; known are files {', '.join(READERS)}")
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         known = ", ".join(READERS)

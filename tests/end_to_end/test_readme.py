@@ -17,10 +17,12 @@ from harness.execution import perform
 from harness.scoring import exact_pose, pose_error
 from harness.trials import build_trials
 from registration import Scan
+from registration.calibration import read_calibration
 from scenes import SCENES
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.paths import ViewPath, aimed_view, straight_line
+from sensors.target_scans import scan_target
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -60,7 +62,7 @@ def view(yaw_deg: float) -> ViewPath:
 
 
 def test_every_python_block_is_run_here() -> None:
-    words = ("first_view.npy", "cautious.py", "ShelfParams")
+    words = ("first_view.npy", "fit_calibration", "cautious.py", "ShelfParams")
     assert sorted(blocks("python")) == sorted(block("python", word) for word in words)
 
 
@@ -82,6 +84,23 @@ def test_two_scans_of_ones_own(
     assert np.rad2deg(error.rotation_rad) < 0.02
     assert error.translation_mm < 1.0
     assert "ok [[" in capsys.readouterr().out
+
+
+def test_a_calibration_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    sensor, rng = Jupiter(JupiterParams()), np.random.default_rng(5)
+    for name, turn_deg, depth_mm in (
+        ("near", 0.0, 300.0), ("middle", 0.0, 700.0), ("far", 0.0, 1100.0), ("turned", 20.0, 700.0)
+    ):  # fmt: skip
+        target = scan_target(sensor, depth_mm, np.deg2rad(turn_deg), 0.0, 40, 5.0, rng)
+        np.save(f"target_{name}.npy", target.scan.points_mm)
+    run(block("python", "fit_calibration"))
+    calibration = read_calibration("calibration.json")
+    assert calibration.form == "incidence"  # what the simulated sensor has
+    assert calibration.measured_by == "a board on the bench"
+    # A turn taken the wrong way round would leave tens of mm, an uncorrected bulge several.
+    assert calibration.rms_mm["uncorrected"] < 6.0
+    assert calibration.rms_mm["incidence"] < 0.6 * calibration.rms_mm["uncorrected"]
 
 
 def test_a_method_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

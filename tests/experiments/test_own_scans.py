@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from experiments.cli import main
 from harness.scoring import pose_error
+from registration.calibration import Calibration, Table
 from registration.scan import Scan
 from scenes import SCENES
 from sensors import threedx
@@ -57,6 +58,36 @@ def test_files_of_a_jupiter_are_registered(
     np.testing.assert_allclose(merged.vertices[-len(moved) :], moved, atol=1e-3)
 
 
+def test_a_calibration_changes_the_estimate(
+    files: tuple[Path, Path, RigidTransform], tmp_path: Path
+) -> None:
+    target, source, _ = files
+    bias = Table(
+        np.array([200.0, 1500.0]), np.array([0.0, 3.0]), np.array([[-40.0, 0.0], [-40.0, 0.0]])
+    )
+    sigma = Table(np.array([200.0, 1500.0]), np.array([0.0, 3.0]), np.ones((2, 2)))
+    Calibration("incidence", np.array([0.0, 0.0, -65.0]), bias, sigma).write(tmp_path / "c.json")
+    poses = []
+    for name, extra in (("a", []), ("b", ["--calibration", str(tmp_path / "c.json")])):
+        out = ["--out", str(tmp_path / name)]
+        assert main(["--register", str(target), str(source), "--step", "5", *extra, *out]) in (0, 1)
+        answer = json.loads((tmp_path / name / "registration.json").read_text(encoding="utf-8"))
+        poses.append(RigidTransform.from_matrix(answer["T_target_source"]))
+    assert answer["calibration"] == str(tmp_path / "c.json")
+    assert pose_error(*poses).translation_mm > 0.5
+
+
+def test_a_results_folder_that_cannot_be_is_told_before_anything_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "taken").write_text("", encoding="utf-8")
+    for out in (tmp_path / "taken", tmp_path / "taken" / "below"):
+        assert main(["--register", "absent.3dx", "absent.3dx", "--out", str(out)]) == 2
+        told = capsys.readouterr().err
+        assert told.endswith("taken is a file; give another\n")
+        assert told.startswith("run-experiment: --out: ")
+
+
 def test_scans_that_cannot_be_registered_say_why_and_write_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -76,7 +107,21 @@ def test_scans_that_cannot_be_registered_say_why_and_write_nothing(
         (["--register", "TARGET", "SOURCE", "--step", "5", "--method", "thsis"], "'thsis'"),
         (["--register", "TARGET", "SOURCE", "--step", "5", "--seed", "3"], "--seed: says nothing"),
         (["--register", "TARGET", "SOURCE", "--step", "5", "--out", "TARGET"], "--out: "),
+        (["--register", ".", "SOURCE", "--step", "5"], "is a folder; known are files .3dx, .npz"),
+        (
+            ["--register", "TARGET", "SOURCE", "--step", "5", "--calibration", "none.json"],
+            "--calibration: none.json: No such file or directory; configs/precision.yaml",
+        ),
+        (
+            ["--register", "TARGET", "SOURCE", "--step", "5", "--calibration", "TARGET"],
+            "target.3dx: is not JSON",
+        ),
+        (
+            ["--register", "TARGET", "SOURCE", "--method", "thesis", "--calibration", "none.json"],
+            "--calibration: method 'thesis' takes none; gauss_sphere does",
+        ),
         (["configs/desk.yaml", "--step", "5"], "--step: belongs to --register"),
+        (["configs/desk.yaml", "--calibration", "c.json"], "--calibration: belongs to --register"),
     ],
 )
 def test_a_wrong_request_gets_one_line(
