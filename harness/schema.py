@@ -85,17 +85,31 @@ class RelativeView(Strict):
     translation_mm: Vector
 
 
+class NextView(Strict):
+    """A view by what the arm does after another, as in appendix B: waist and track move, no more.
+
+    waist_deg: turn of joint 1. track_mm: along the track.
+    """
+
+    next_of: str
+    waist_deg: Angle = 0.0
+    track_mm: float = 0.0
+
+
 def _kind_of_view(data: Any) -> str:
     keys = data if isinstance(data, Mapping) else vars(data) if hasattr(data, "__dict__") else {}
     if "placed_by" in keys:
         return "placed"
+    if "next_of" in keys:
+        return "next"
     return "relative" if "relative_to" in keys else "aimed"
 
 
 View = Annotated[
     Annotated[AimedView, Tag("aimed")]
     | Annotated[PlacedView, Tag("placed")]
-    | Annotated[RelativeView, Tag("relative")],
+    | Annotated[RelativeView, Tag("relative")]
+    | Annotated[NextView, Tag("next")],
     Discriminator(_kind_of_view),
 ]
 

@@ -17,7 +17,7 @@ from pydantic import ConfigDict, create_model
 from harness.config import validated
 from harness.config_errors import ConfigError, Key, nearest
 from harness.schema import AimedView, Choice, Experiment, MethodChoice, PlacedView, Truth
-from harness.views import ViewSpec, view_spec
+from harness.views import ArmStep, ViewSpec, view_spec
 from registration.methods import METHODS, UnknownMethodError, find_method
 from registration.peers import PEERS, MissingPeerError, check_installed
 from scenes import SCENES
@@ -191,6 +191,8 @@ def _carried(view: ViewSpec, arm: ArmParams | None, experiment: Experiment, file
     except ReachError as error:
         chosen = experiment.views[view.name]
         leave = chosen.beyond_reach if isinstance(chosen, PlacedView) else "refuse"
+        if any(isinstance(step, ArmStep) for step in view.steps):
+            leave = "refuse"  # without an arm nothing says where it is
         misread = experiment.rotation_labels != "swapped"
         if leave == "straight_line" or (leave == "straight_line_unless_swapped" and misread):
             return view

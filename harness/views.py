@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from harness.config_errors import ConfigError, nearest
-from harness.schema import AimedView, Experiment, PrintedPose, RelativeView, RotationLabels
+from harness.schema import (
+    AimedView,
+    Experiment,
+    NextView,
+    PrintedPose,
+    RelativeView,
+    RotationLabels,
+)
 from harness.scoring import pose_from_parameters
-from sensors.arm import ArmParams, viewing_line
+from sensors.arm import ArmParams, ReachError, next_view, viewing_line
 from sensors.paths import ViewPath, aimed_view, straight_line
 
 Vector = tuple[float, float, float]
@@ -40,6 +47,14 @@ class PoseStep:
 
 
 @dataclass(frozen=True)
+class ArmStep:
+    """The way from the first profile of one view to that of the next: waist and track move."""
+
+    waist_deg: float
+    track_mm: float
+
+
+@dataclass(frozen=True)
 class ViewSpec:
     """Where one view is taken from, in the numbers of the config: an aimed view and steps from it.
 
@@ -50,28 +65,41 @@ class ViewSpec:
 
     name: str
     aim: AimedView
-    steps: tuple[PoseStep, ...]
+    steps: tuple[PoseStep | ArmStep, ...]
     arm: ArmParams | None = None
     rest_seed: int | None = None
 
     def path(self, profiles: int, step_mm: float) -> ViewPath:
         """The viewing line of this view as it is driven; raises ReachError."""
-        T_world_view = self.commanded(profiles, step_mm)
-        if self.arm is None:
+        T_world_view, arm = self._asked(profiles, step_mm)
+        if arm is None:
             return straight_line(T_world_view, profiles, step_mm)
-        return viewing_line(T_world_view, profiles, step_mm, self.arm, self.rest_seed)
+        return viewing_line(T_world_view, profiles, step_mm, arm, self.rest_seed)
 
     def commanded(self, profiles: int, step_mm: float) -> RigidTransform:
-        """T_world_view of the first profile as the config asks for it."""
+        """T_world_view of the first profile as the config asks for it; raises ReachError."""
+        return self._asked(profiles, step_mm)[0]
+
+    def _asked(self, profiles: int, step_mm: float) -> tuple[RigidTransform, ArmParams | None]:
+        """The pose of the first profile, and the arm, held on the track where a step leaves it."""
         yaw_rad, pitch_rad, roll_rad = np.deg2rad(
             [self.aim.yaw_deg, self.aim.pitch_deg, self.aim.roll_deg]
         ).tolist()
         T_world_view = aimed_view(
             self.aim.aim_mm, self.aim.distance_mm, yaw_rad, pitch_rad, roll_rad, profiles, step_mm
         )
+        arm = self.arm
         for step in self.steps:
-            T_world_view = T_world_view * step.pose
-        return T_world_view
+            if isinstance(step, PoseStep):
+                T_world_view, arm = T_world_view * step.pose, self.arm
+                continue
+            if arm is None:
+                raise ReachError("no arm carries the view, whose waist and track could move")
+            start = viewing_line(T_world_view, profiles, step_mm, arm)
+            waist_rad = float(np.deg2rad(step.waist_deg))
+            T_world_view, track_mm = next_view(start.counts[0], waist_rad, step.track_mm, arm)
+            arm = replace(arm, track_mm=track_mm)
+        return T_world_view, arm
 
 
 def relabelled(pose: PrintedPose, labels: RotationLabels) -> tuple[Vector, Vector]:
@@ -82,11 +110,17 @@ def relabelled(pose: PrintedPose, labels: RotationLabels) -> tuple[Vector, Vecto
 
 def view_spec(experiment: Experiment, name: str, file: Path) -> ViewSpec:
     """Follow a view to the aimed view that it hangs on, in the order from there to here."""
-    steps: list[PoseStep] = []
+    steps: list[PoseStep | ArmStep] = []
     seen = [name]
     while not isinstance(view := experiment.views[seen[-1]], AimedView):
         key = ("views", seen[-1])
-        if isinstance(view, RelativeView):
+        step: PoseStep | ArmStep
+        if isinstance(view, NextView):
+            if experiment.arm is None:
+                raise ConfigError(file, (*key, "next_of"), "moves the arm, and `arm` names none")
+            other, field = view.next_of, "next_of"
+            step = ArmStep(view.waist_deg, view.track_mm)
+        elif isinstance(view, RelativeView):
             other, field = view.relative_to, "relative_to"
             step = PoseStep(view.rotation_deg, view.translation_mm, inverted=False)
         else:

@@ -165,20 +165,21 @@ def encoder_poses(
 
 def next_view(
     counts: np.ndarray[tuple[int], np.dtype[np.int64]],
-    waist_pulses: int,
-    track_pulses: int,
+    waist_rad: float,
+    track_mm: float,
     params: ArmParams,
-) -> RigidTransform:
-    """Commanded pose of the view that appendix B reaches from joints (7,) by waist and track.
+) -> tuple[RigidTransform, float]:
+    """The view that appendix B reaches from encoder counts (7,) by moving waist and track.
 
-    Raises ReachError where the waist or the track would pass its limit; at the end of the track
-    the thesis's program goes on from there with a message.
+    Returns its commanded pose and where on the track in mm the arm then stands. Both moves are
+    rounded to counts. Raises ReachError where the waist or the track would pass its limit; at the
+    end of the track the thesis's program goes on from there with a message.
     """
     moved = np.array(counts, dtype=np.int64)
-    moved[0] += track_pulses
-    moved[1] += waist_pulses
-    _check_limits(f3.from_pulses(moved)[None], np.zeros(1))
-    return encoder_poses(moved[None], params)[0]
+    moved[:2] += f3.to_pulses(np.array([track_mm, waist_rad, 0.0, 0.0, 0.0, 0.0, 0.0]))[:2]
+    joints = f3.from_pulses(moved)
+    _check_limits(joints[None], np.zeros(1))
+    return encoder_poses(moved[None], params)[0], float(joints[0])
 
 
 def solve_joints(T_world_sensor: RigidTransform, params: ArmParams) -> FloatArray:

@@ -16,7 +16,7 @@ from harness.execution import perform, scan_view
 from harness.scoring import encoder_pose, exact_pose, pose_error
 from harness.trials import Trial, TrialSpec, beyond_reach, build_trials
 from harness.view_tables import arm_table
-from sensors.arm import ArmPath
+from sensors.arm import ArmParams, ArmPath
 
 DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"
 BRACKET = "arm={bracket_mm: [4, -2, 3], bracket_deg: [0.5, 0.3, -0.4]}"
@@ -129,6 +129,46 @@ def test_a_placed_view_out_of_reach_needs_leave_to_go_without_the_arm() -> None:
         "left": True,
         "right": False,
     }
+
+
+def test_the_next_view_is_where_waist_and_track_leave_the_arm() -> None:
+    following = "views.left={next_of: center, waist_deg: 12, track_mm: -150}"
+    spec = spec_of(following, "pairs.6.4={source: left, target: center}", "arm={}")
+    assert (spec.target.name, spec.source.name) == ("center", "left")
+    center, left = spec.path(spec.target), spec.path(spec.source)
+    assert isinstance(center, ArmPath)
+    assert isinstance(left, ArmPath)
+    assert left.track_mm == center.track_mm - 150.0
+    T_world_base = ArmParams().T_world_base
+    foot = [RigidTransform.from_translation([0.0, p.track_mm, 0.0]) for p in (center, left)]
+    turn = RigidTransform.from_rotation(Rotation.from_euler("z", 12.0, degrees=True))
+    moved = T_world_base * foot[1] * turn * foot[0].inv() * T_world_base.inv()
+    # A view that is asked for is met to the rounding of the encoders.
+    off = pose_error(moved * center.T_world_encoder[0], left.T_world_encoder[0])
+    assert off.translation_mm < 0.1
+    assert np.rad2deg(off.rotation_rad) < 0.01
+    assert scan_view(spec, spec.source).n_valid > 0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ["views.left={next_of: center, track_mm: 9000}"],
+            r"views\.left: .*track would have to go",
+        ),
+        (
+            ["views.left={next_of: center, waist_deg: 3}", "arm=null"],
+            r"views\.left\.next_of: moves",
+        ),
+        (["views.left={next_of: centre}"], r"views\.left\.next_of: unknown view 'centre'"),
+        (["views.left={next_of: center, waist: 3}"], r"views\.left\.waist: unknown key"),
+    ],
+)
+def test_a_next_view_that_cannot_be_is_refused(overrides: list[str], message: str) -> None:
+    with pytest.raises(ConfigError, match=message) as raised:
+        trials_of("pairs.6.4={source: left, target: center}", *overrides)
+    assert "\n" not in str(raised.value)
 
 
 def test_the_row_of_a_trial_keeps_the_theoretical_pose() -> None:

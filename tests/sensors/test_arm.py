@@ -172,7 +172,8 @@ def test_rest_within_a_count_is_seeded():
 def test_next_view_turns_the_waist_and_moves_along_the_track():
     _, *view, _ = VIEWS["desk_virtual center"]
     path = viewing_line(*view, ArmParams())
-    T_world_next = arm.next_view(path.counts[0], 569 * -20, 100 * 300, ArmParams())
+    T_world_next, track_mm = arm.next_view(path.counts[0], np.deg2rad(-20), 300.0, ArmParams())
+    assert track_mm == path.track_mm + 300.0
     axis_mm = ArmParams().T_world_base.apply([0.0, path.track_mm, 0.0])
     turn = RigidTransform.from_rotation(Rotation.from_euler("z", -20.0, degrees=True))
     about = RigidTransform.from_translation(axis_mm)
@@ -181,7 +182,7 @@ def test_next_view_turns_the_waist_and_moves_along_the_track():
     with pytest.raises(
         ReachError, match=r"track would have to go to 3\d+\.0 mm; its limit is 2600"
     ):
-        arm.next_view(path.counts[0], 0, 100 * 2400, ArmParams())
+        arm.next_view(path.counts[0], 0.0, 2400.0, ArmParams())
 
 
 def test_view_out_of_reach_names_joint_value_and_limit():
