@@ -12,6 +12,8 @@ from registration.gauss_sphere.small_matrices import invert_symmetric3, solve_sy
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray, IntArray
 
+NARROWEST_MM = 0.1  # standard deviation across a patch
+
 
 class Patches(NamedTuple):
     """Planes n . p = offset in the scan's frame, structure of arrays, most certain first.
@@ -215,7 +217,7 @@ def _fit_plane(
             moments[5] += b * b
             moments[6] += w * residual * residual
             moments[7] -= foot / nb
-        if moments[0] < 4.0:
+        if moments[0] < 4.0 or _narrow(moments):
             kept[:] = False
             return
         solve_symmetric3(g, step)
@@ -231,6 +233,17 @@ def _fit_plane(
     out.chi2[i] = moments[6] / moments[0]
     out.area_mm2[i] = moments[7] * area_per_beam
     _summarise(moments, g, plane, out, i)
+
+
+@compiled
+def _narrow(moments: FloatArray) -> bool:
+    """Whether the points lie on a line, which leaves the tilt of their plane open."""
+    n = moments[0]
+    vaa = moments[3] / n - (moments[1] / n) ** 2
+    vab = moments[4] / n - moments[1] * moments[2] / n**2
+    vbb = moments[5] / n - (moments[2] / n) ** 2
+    middle, half = 0.5 * (vaa + vbb), 0.5 * (vaa - vbb)
+    return bool(middle - np.sqrt(half * half + vab * vab) < NARROWEST_MM * NARROWEST_MM)
 
 
 @compiled

@@ -10,6 +10,7 @@ from registration import Scan
 from registration.gauss_sphere.beams import depth_noise, estimate_apex, fan_of
 from registration.gauss_sphere.growing import find_patches
 from registration.gauss_sphere.params import PatchParams, SegmentParams
+from registration.gauss_sphere.patches import fit_patches
 from registration.gauss_sphere.segments import find_segments
 
 
@@ -95,6 +96,17 @@ def test_the_covariance_of_a_plane_is_what_its_errors_are(normal) -> None:
     # Mean of 120 chi-square values of 3 degrees of freedom: 3 +- 0.22 (one sigma).
     assert 2.2 < np.mean(distances) < 4.0
     assert np.abs(np.mean(errors, axis=0)).max() < 0.4
+
+
+def test_points_of_one_profile_make_no_plane() -> None:
+    scan = scan_plates(plates((0.1, 0.2, -1.0)))
+    fan = fan_of(scan)
+    label = np.full(fan.depth_mm.shape, -1)
+    label[20, np.isfinite(fan.depth_mm[20])] = 0
+    assert (label == 0).sum() > PatchParams().min_points
+    fitted = fit_patches(fan, label, 1, PatchParams())
+    assert fitted.n_points.size == 0
+    assert (fitted.label == -1).all()
 
 
 def test_far_planes_of_like_orientation_stay_apart() -> None:
