@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.profile_pairs import CUTOFF, MOTION, ProfilesExperiment, mean_motion
+from experiments.profile_pairs import CUTOFF, MOTION, ProfilesExperiment, mean_motion, middle
 from harness.pair_view import file_slug
 from harness.schema import Pair, PrintedPose
 from harness.table_files import Table
@@ -40,7 +40,7 @@ def profile_tables(experiment: ProfilesExperiment, rows: pd.DataFrame) -> list[T
 
 def mean_table(name: str, pair: Pair, experiment: ProfilesExperiment, rows: pd.DataFrame) -> Table:
     """The mean motion of repeat 0 by method, beside the exact one and the thesis's."""
-    exact = rows[[f"exact_{m}" for m in MOTION]].to_numpy(dtype=np.float64)[0]
+    exact = middle(rows[[f"exact_{m}" for m in MOTION]].to_numpy(dtype=np.float64))
     records = [_record("exact", exact, None)]
     if pair.printed is not None and pair.estimated is not None:
         printed, estimated = (_planar(p, experiment) for p in (pair.printed, pair.estimated))
@@ -76,7 +76,7 @@ def repeat_table(name: str, rows: pd.DataFrame) -> Table:
     records = []
     for method, of_method in rows.groupby("method", sort=False):
         groups = [group for _, group in of_method.groupby("repeat")]
-        exact = groups[0][[f"exact_{m}" for m in MOTION]].to_numpy(dtype=np.float64)[0]
+        exact = middle(groups[0][[f"exact_{m}" for m in MOTION]].to_numpy(dtype=np.float64))
         errors = np.array([mean_motion(group) for group in groups]) - exact
         errors[:, 0] = np.mod(errors[:, 0] + 180.0, 360.0) - 180.0
         single = of_method[_used(of_method)]
@@ -97,7 +97,8 @@ def repeat_table(name: str, rows: pd.DataFrame) -> Table:
         f"profiles_{file_slug(name)}_repeats",
         f"Pair {name}: error of the mean over the repeats",
         "Median and 95 % interval over the repeats, each with noise of its own; what the interval "
-        "leaves of 0 is bias. Single pair: median error of one pair of profiles in the mean. "
+        "leaves of 0 is bias. Single pair: median error of one pair of profiles in the mean, with "
+        "what an arm's bracket tilts and shifts out of the plane. "
         "Shares are of all pairs of profiles.",
         pd.DataFrame(records),
         {"Repeats": "d", "Single pair, rotation (deg)": ".2f",

@@ -131,6 +131,18 @@ def test_a_placed_view_out_of_reach_needs_leave_to_go_without_the_arm() -> None:
     }
 
 
+def test_a_sensor_mounted_upside_down_is_driven_downwards() -> None:
+    for roll_deg, sign in ((0, 1.0), (180, -1.0)):
+        spec = spec_of(
+            "views.left={aim_mm: [0, 0, 120], distance_mm: 1030, pitch_deg: 25}",
+            f"views.left.roll_deg={roll_deg}",
+        )
+        path = spec.path(spec.source)
+        assert isinstance(path, ArmPath)
+        climbs_mm = sign * np.diff(path.T_world_profile.translation[:, 2])
+        np.testing.assert_allclose(climbs_mm, 3.0 * np.cos(np.deg2rad(25.0)), atol=0.1)
+
+
 def test_the_next_view_is_where_waist_and_track_leave_the_arm() -> None:
     following = "views.left={next_of: center, waist_deg: 12, track_mm: -150}"
     spec = spec_of(following, "pairs.6.4={source: left, target: center}", "arm={}")
