@@ -72,3 +72,12 @@ def grouped(rows: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
         of_family = rows if family == "all" else rows[rows["family"] == family]
         for method in rows["method"].unique():
             yield family, str(method), of_family[of_family["method"] == method]
+
+
+def banded(rows: pd.DataFrame) -> Iterator[tuple[str, str, Band, pd.DataFrame]]:
+    """Family, method, band of overlap and its rows, where there are any."""
+    for family, method, of_method in grouped(rows):
+        for band in BANDS:
+            group = in_band(of_method, band)
+            if len(group):
+                yield family, method, band, group

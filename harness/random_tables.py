@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from harness.bound import parameter_deviations
 from harness.pair_tables import COLUMNS, NAMES
-from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family, within
+from harness.random_groups import THRESHOLDS, banded, grouped, with_family, within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.table_files import Table
 
@@ -41,23 +41,17 @@ def random_tables(rows: pd.DataFrame) -> list[Table]:
 def success_table(rows: pd.DataFrame) -> Table:
     """How often each method is right, by family and overlap, with Wilson's interval."""
     records = []
-    for family, method, of_method in grouped(rows):
-        for band in BANDS:
-            group = in_band(of_method, band)
-            if not len(group):
-                continue
-            record: dict[str, Any] = {"Scenes": family, "Method": method, "Overlap": band.name}
-            record["Pairs"] = len(group)
-            for tolerance in (FINE, COARSE):
-                right = int(within(group, tolerance).sum())
-                low, high = wilson_interval(right, len(group))
-                column = (
-                    f"Within {tolerance.rotation_deg:g} deg and {tolerance.translation_mm:g} mm"
-                )
-                record[column] = f"{right / len(group):.1%} [{low:.1%}, {high:.1%}]"
-            record["Marked ok"] = int((group["status"] == "ok").sum())
-            record["of these wrong"] = record["Marked ok"] - int(within(group, COARSE).sum())
-            records.append(record)
+    for family, method, band, group in banded(rows):
+        record: dict[str, Any] = {"Scenes": family, "Method": method, "Overlap": band.name}
+        record["Pairs"] = len(group)
+        for tolerance in (FINE, COARSE):
+            right = int(within(group, tolerance).sum())
+            low, high = wilson_interval(right, len(group))
+            column = f"Within {tolerance.rotation_deg:g} deg and {tolerance.translation_mm:g} mm"
+            record[column] = f"{right / len(group):.1%} [{low:.1%}, {high:.1%}]"
+        record["Marked ok"] = int((group["status"] == "ok").sum())
+        record["of these wrong"] = record["Marked ok"] - int(within(group, COARSE).sum())
+        records.append(record)
     return Table(
         "success",
         "Successes",
@@ -72,22 +66,18 @@ def success_table(rows: pd.DataFrame) -> Table:
 def curve_table(rows: pd.DataFrame) -> Table:
     """Success rate against the tolerance, by family, method and overlap."""
     records = []
-    for family, method, of_method in grouped(rows):
-        for band in BANDS:
-            group = in_band(of_method, band)
-            if not len(group):
-                continue
-            for tolerance in THRESHOLDS:
-                right = int(within(group, tolerance).sum())
-                low, high = wilson_interval(right, len(group))
-                records.append(
-                    {
-                        "Scenes": family, "Method": method, "Overlap": band.name,
-                        "Pairs": len(group), "Within (deg)": tolerance.rotation_deg,
-                        "and (mm)": tolerance.translation_mm, "Rate": right / len(group),
-                        "Low": low, "High": high,
-                    }
-                )  # fmt: skip
+    for family, method, band, group in banded(rows):
+        for tolerance in THRESHOLDS:
+            right = int(within(group, tolerance).sum())
+            low, high = wilson_interval(right, len(group))
+            records.append(
+                {
+                    "Scenes": family, "Method": method, "Overlap": band.name,
+                    "Pairs": len(group), "Within (deg)": tolerance.rotation_deg,
+                    "and (mm)": tolerance.translation_mm, "Rate": right / len(group),
+                    "Low": low, "High": high,
+                }
+            )  # fmt: skip
     formats = dict.fromkeys(("Rate", "Low", "High"), ".3f")
     return Table(
         "curves",

@@ -26,7 +26,7 @@ def calibration(form: str) -> Calibration:
     value = -5.0 * (DEPTH_MM[:, None] / 1000.0) * np.exp(-0.5 * (at / 0.12) ** 2)[None, :]
     sigma = Table(DEPTH_MM, np.array([0.0, 3.0]), np.full((DEPTH_MM.size, 2), 0.5))
     apex_mm = np.array([0.0, 0.0, -60.0])
-    return Calibration(form, apex_mm, Table(DEPTH_MM, at, value), sigma)  # type: ignore[arg-type]  # str
+    return Calibration(form, apex_mm, Table(DEPTH_MM, at, value), sigma)  # type: ignore[arg-type]  # a str parameter
 
 
 def biased(made: Plates, form: str, noise: float) -> Scan:
