@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.set-up
 
-.PHONY: setup desk test lint fuzz clean
+.PHONY: setup desk thesis test lint fuzz clean
 
 setup: $(STAMP)
 
@@ -20,6 +20,9 @@ $(STAMP): pyproject.toml constraints.txt
 
 desk: setup
 	$(BIN)/run-experiment configs/desk.yaml
+
+thesis: setup
+	$(BIN)/run-experiment configs/thesis.yaml
 
 lint: setup
 	$(BIN)/ruff check .

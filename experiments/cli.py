@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
+CHAPTERS = "chapters"  # experiments.chapters.KIND, likewise
 AT_ONCE = ("precision", "profiles")  # experiments.at_once.RUNS, which imports too much for --help
 
 DESCRIPTION = """\
@@ -55,6 +56,8 @@ def _main(options: argparse.Namespace) -> int:
             return _list()
         if options.config is not None and experiment_kind(options.config) in AT_ONCE:
             return _run_at_once(options)
+        if options.config is not None and experiment_kind(options.config) == CHAPTERS:
+            return _run_chapters(options)
         if options.config is not None:
             load_experiment(options.config, options.set, options.seed)
             if not (options.dry_run or options.trial or options.show_scene):
@@ -207,10 +210,35 @@ def _run_at_once(options: argparse.Namespace) -> int:
     return EXIT_OK
 
 
-def _run(options: argparse.Namespace) -> int:
-    # A method of the user's own, "package.module:function", lies where the command is called.
+def _run_chapters(options: argparse.Namespace) -> int:
+    from harness.config_errors import ConfigError
+    from harness.store import StoreError
+
+    if options.show_scene is not None:
+        message = f"says nothing to {options.config}, which has several scenes; name a part's file"
+        raise ConfigError("--show-scene", (), message)
+    _find_own_methods()
+    from experiments.run_chapters import rehearse_chapters, replay_part, run_chapters
+
+    request = options.config, options.out, options.set, options.seed
+    try:
+        if options.trial is not None:
+            return replay_part(*request, options.trial)
+        if options.dry_run:
+            return rehearse_chapters(*request, options.workers)
+        return run_chapters(*request, options.workers, options.report_only)
+    except StoreError as error:
+        return _refuse(error)
+
+
+def _find_own_methods() -> None:
+    """A method of the user's own, "package.module:function", lies where the command is called."""
     if str(Path.cwd()) not in sys.path:
         sys.path.append(str(Path.cwd()))
+
+
+def _run(options: argparse.Namespace) -> int:
+    _find_own_methods()
     if options.register is not None:
         from experiments.own_scans import register_files
 

@@ -6,7 +6,8 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -27,15 +28,20 @@ from harness.schema import Experiment
 from harness.scoring import six_parameters
 from harness.session import Session, draw_whole, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load
+from harness.table_files import Table
 from harness.trials import Trial, beyond_reach, full_specs
 from sensors import SENSORS
 
+Show = Callable[[list[Table]], object]
 REHEARSED = 3  # trials that a dry run times
 LITTLE_OVERLAP = 0.1  # where a failure is put down to it
 
 
-def run_all(session: Session, workers: int | None, redraw: bool) -> int:
-    """Compute what is missing, then write and show tables; returns the exit status."""
+def run_all(session: Session, workers: int | None, redraw: bool, show: Show | None = None) -> int:
+    """Compute what is missing, then write and show tables; returns the exit status.
+
+    show: what is done with the tables in place of printing them and the paths of all files.
+    """
     console = make_console()
     workers = workers or available_cores()
     if redraw and not (session.folder / FILE_NAME).exists():
@@ -70,11 +76,12 @@ def run_all(session: Session, workers: int | None, redraw: bool) -> int:
                 file=sys.stderr,
             )
             return EXIT_INTERRUPTED
-    show_tables(console, report(session))
+    (show or partial(show_tables, console))(report(session))
     tell_no_overlap(console, session)
     if planned.tasks:
         draw_whole(session, make_executor)
-    show_paths(console, session.folder)
+    if show is None:
+        show_paths(console, session.folder)
     computed = [done.row for done in ended if done.task.keep]
     errors = [row for row in computed if row.status == "error"]
     undrawn = sum(bool(done.drawing_error) for done in ended)

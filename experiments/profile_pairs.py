@@ -17,6 +17,7 @@ from scipy.spatial.transform import RigidTransform
 from harness.config import check_names, dump_yaml, overridden_mapping, validated
 from harness.config_errors import ConfigError
 from harness.execution import scan_view
+from harness.pool import MakeExecutor
 from harness.provenance import code_fingerprint, run_facts
 from harness.schema import Experiment
 from harness.scoring import pose_error, six_parameters
@@ -28,6 +29,8 @@ from registration.scan import BoolArray, FloatArray, Scan
 
 KIND = "profiles"
 CUTOFF = 3.5
+ROWS, TIMES = "profiles.csv", "times.csv"
+TIME_COLUMNS = ["pair", "method", "repeat", "profile", "ms"]
 MOTION = ("rotation_x_deg", "y_mm", "z_mm")  # what a plane tells of a pose
 
 
@@ -56,24 +59,27 @@ class ProfilePair:
 
 
 def run_profiles(
-    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+    path: Path,
+    folder: Path | None,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    make_executor: MakeExecutor | None = None,
 ) -> tuple[list[Table], Path]:
     """Register all pairs of profiles, write rows, tables and figures; returns tables and folder.
 
-    Raises ConfigError before anything is written. All of it takes seconds: nothing is kept of a
-    run that was cut off.
+    make_executor: of the processes that register; without it, this one does. Raises ConfigError
+    before anything is written. Rows are kept once all are there: the same run of the same code
+    takes them again.
     """
     from experiments.profile_figures import draw_profiles
     from experiments.profile_tables import profile_tables
 
     experiment, trials = load_profiles(path, overrides, seed)
-    rows = measure(trials)
     folder = folder or Path("results") / path.stem
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "config.yaml").write_text(dump_yaml(_resolved(experiment, trials)), encoding="utf-8")
-    facts = run_facts(code_fingerprint(method.name for method in experiment.methods))
-    (folder / "run.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-    rows.drop(columns="ms").to_csv(folder / "profiles.csv", index=False, lineterminator="\n")
+    rows = kept_rows(experiment, trials, folder)
+    if rows is None:
+        rows = measure(trials, make_executor)
+        _keep(experiment, trials, rows, folder)
     tables = profile_tables(experiment, rows)
     write_tables(tables, folder / "tables")
     draw_profiles(experiment, trials, rows, folder / "figures")
@@ -98,18 +104,39 @@ def load_profiles(
     return experiment, build_trials(experiment, path)
 
 
-def measure(trials: Sequence[Trial]) -> pd.DataFrame:
+def kept_rows(
+    experiment: ProfilesExperiment, trials: Sequence[Trial], folder: Path
+) -> pd.DataFrame | None:
+    """The rows that the same code wrote for the same configuration, as of measure; None if none."""
+    try:
+        config = (folder / "config.yaml").read_text(encoding="utf-8")
+        facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        rows, times = (pd.read_csv(folder / name) for name in (ROWS, TIMES))
+    except (OSError, ValueError):  # ValueError: cut off while writing
+        return None
+    written = dump_yaml(_resolved(experiment, trials)), _code(experiment)
+    if (config, facts.get("code")) != written or len(rows) != len(times):
+        return None
+    rows["reason"] = rows["reason"].fillna("")
+    return rows.assign(ms=times["ms"])
+
+
+def measure(trials: Sequence[Trial], make_executor: MakeExecutor | None = None) -> pd.DataFrame:
     """Register every profile of every trial; a row for each, the outliers marked.
 
     Columns: pair, method, repeat, profile, elevation_mm, status, reason, the MOTION, found and as
     exact_*, rotation_error_deg, translation_error_mm, outlier, ms.
     """
-    frames = []
-    for trial in trials:
-        rows = pd.DataFrame([_row(pair) for pair in register_profiles(trial)])
-        rows["outlier"] = outliers(rows[list(MOTION)].to_numpy(dtype=np.float64))
-        frames.append(rows)
-    return pd.concat(frames, ignore_index=True)
+    if make_executor is None:
+        return pd.concat([_measure(trial) for trial in trials], ignore_index=True)
+    with make_executor() as executor:
+        return pd.concat(list(executor.map(_measure, trials)), ignore_index=True)
+
+
+def _measure(trial: Trial) -> pd.DataFrame:
+    rows = pd.DataFrame([_row(pair) for pair in register_profiles(trial)])
+    rows["outlier"] = outliers(rows[list(MOTION)].to_numpy(dtype=np.float64))
+    return rows
 
 
 def register_profiles(trial: Trial) -> Iterator[ProfilePair]:
@@ -206,6 +233,26 @@ def _row(pair: ProfilePair) -> dict[str, Any]:
 
 def _motion(pose: RigidTransform) -> dict[str, float]:
     return dict(zip(MOTION, six_parameters(pose)[[0, 4, 5]].tolist(), strict=True))
+
+
+def _keep(
+    experiment: ProfilesExperiment, trials: Sequence[Trial], rows: pd.DataFrame, folder: Path
+) -> None:
+    """Write the rows and all that says what they are of; the times apart, which never agree."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / ROWS).unlink(missing_ok=True)  # the last to be written: with it the rest is whole
+    (folder / "config.yaml").write_text(dump_yaml(_resolved(experiment, trials)), encoding="utf-8")
+    facts = json.dumps(run_facts(_code(experiment)), indent=2)
+    (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+    rows[TIME_COLUMNS].to_csv(folder / TIMES, index=False, lineterminator="\n")
+    draft = folder / f"{ROWS}.part"
+    rows.drop(columns="ms").to_csv(draft, index=False, lineterminator="\n")
+    draft.replace(folder / ROWS)
+
+
+def _code(experiment: ProfilesExperiment) -> str:
+    """The fingerprint of the code that computes rows, of this module too."""
+    return code_fingerprint((method.name for method in experiment.methods), [Path(__file__)])
 
 
 def _resolved(experiment: ProfilesExperiment, trials: Sequence[Trial]) -> dict[str, Any]:

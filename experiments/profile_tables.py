@@ -9,7 +9,7 @@ import pandas as pd
 
 from experiments.profile_pairs import CUTOFF, MOTION, ProfilesExperiment, mean_motion, middle
 from harness.pair_view import file_slug
-from harness.schema import Pair, PrintedPose
+from harness.schema import Experiment, Pair, PrintedPose
 from harness.table_files import Table
 from harness.views import relabelled
 from registration.scan import FloatArray
@@ -43,7 +43,7 @@ def mean_table(name: str, pair: Pair, experiment: ProfilesExperiment, rows: pd.D
     exact = middle(rows[[f"exact_{m}" for m in MOTION]].to_numpy(dtype=np.float64))
     records = [_record("exact", exact, None)]
     if pair.printed is not None and pair.estimated is not None:
-        printed, estimated = (_planar(p, experiment) for p in (pair.printed, pair.estimated))
+        printed, estimated = (printed_motion(p, experiment) for p in (pair.printed, pair.estimated))
         records.append(_record("thesis, experiment", estimated, estimated - printed))
         records[-1]["In the mean"] = f"{THESIS_KEPT} of {THESIS_PAIRS}"
         records[-1]["All pairs (s)"] = THESIS_SECONDS
@@ -145,8 +145,8 @@ def _record(source: str, motion: FloatArray, error: FloatArray | None) -> dict[s
     return record
 
 
-def _planar(pose: PrintedPose, experiment: ProfilesExperiment) -> FloatArray:
-    """Rotation about X, Y and Z of a printed pose."""
+def printed_motion(pose: PrintedPose, experiment: Experiment) -> FloatArray:
+    """(3,) turn about X in degrees, Y and Z in mm of a printed pose."""
     rotation_deg, translation_mm = relabelled(pose, experiment.rotation_labels)
     return np.array([rotation_deg[0], *translation_mm[1:]])
 

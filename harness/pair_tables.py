@@ -132,14 +132,15 @@ def thesis_values(pair: Pair, labels: RotationLabels) -> tuple[list[float], list
     """The six values it estimated, and its errors: six, the angle and the norm."""
     if pair.printed is None or pair.estimated is None:
         return None
-    exact, estimated = (_six(pose, labels) for pose in (pair.printed, pair.estimated))
+    exact, estimated = (printed_six(pose, labels) for pose in (pair.printed, pair.estimated))
     poses = [pose_from_parameters(six[:3], six[3:]) for six in (exact, estimated)]
     error = pose_error(*poses)
     whole = [float(np.rad2deg(error.rotation_rad)), error.translation_mm]
     return estimated.tolist(), [*parameter_errors(exact, estimated).tolist(), *whole]
 
 
-def _six(pose: PrintedPose, labels: RotationLabels) -> np.ndarray[Any, np.dtype[np.float64]]:
+def printed_six(pose: PrintedPose, labels: RotationLabels) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """(6,) the printed angles about the sensor's X, Y, Z in degrees and the translation in mm."""
     rotation_deg, translation_mm = relabelled(pose, labels)
     return np.array([*rotation_deg, *translation_mm])
 

@@ -10,6 +10,7 @@ from experiments.cli import main
 from experiments.profile_figures import telling_pair
 from experiments.profile_pairs import (
     MOTION,
+    kept_rows,
     load_profiles,
     mean_motion,
     measure,
@@ -17,6 +18,7 @@ from experiments.profile_pairs import (
     one_profile,
     outliers,
     register_profiles,
+    run_profiles,
 )
 from experiments.profile_tables import profile_tables
 from harness.config_errors import ConfigError
@@ -190,3 +192,17 @@ def test_what_has_no_trials_cannot_be_rehearsed(
     assert main([str(CONFIG), "--dry-run", "--out", str(tmp_path / "out")]) == 2
     assert "--dry-run: says nothing to" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_kept_rows_are_those_that_were_measured(tmp_path: Path) -> None:
+    overrides = ["scan.profiles=4", "repeats=1"]
+    experiment, trials = load_profiles(CONFIG, overrides)
+    assert kept_rows(experiment, trials, tmp_path) is None
+    run_profiles(CONFIG, tmp_path, overrides)
+    kept = kept_rows(experiment, trials, tmp_path)
+    assert kept is not None
+    pd.testing.assert_frame_equal(
+        kept.drop(columns="ms"), measure(trials).drop(columns="ms"), check_exact=True
+    )
+    other = load_profiles(CONFIG, [*overrides, "seed=1"])
+    assert kept_rows(*other, tmp_path) is None
