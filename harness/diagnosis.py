@@ -12,11 +12,12 @@ from scipy.spatial.transform import RigidTransform
 from registration.result import RegistrationResult
 from registration.scan import FloatArray, IntArray, Scan
 from registration.thesis.outcome import decide
-from registration.thesis.params import PatchParams, ThesisParams
+from registration.thesis.params import ThesisParams
 from registration.thesis.patches import Patches, build_patches
 from registration.thesis.pipeline import register_patches, register_scans, register_segments
 from registration.thesis.rotation import RotationSearch
 from registration.thesis.segments import Segments
+from registration.thesis.view_params import PatchParams
 from scenes.scene import Scene
 from sensors.overlap import seen
 from sensors.paths import ViewPath

@@ -12,6 +12,8 @@ from registration.gauss_sphere.params import GaussSphereParams
 from registration.methods import METHODS, PROFILE_METHODS, register
 from registration.peers import PEERS
 from registration.scan import Scan
+from registration.thesis.params import RotationParams, ThesisParams
+from registration.thesis.view_params import PatchParams, SegmentParams
 
 
 def corner_scan(profiles: int = 24, pixels: int = 64) -> Scan:
@@ -38,5 +40,11 @@ if __name__ == "__main__":
         no_bias().write(path)
         calibrated = GaussSphereParams(calibration=str(path))
         register(corner_scan(), corner_scan(), method="gauss_sphere", params=calibrated)
+    proposals = ThesisParams(
+        segments=SegmentParams(order="longest_first"),
+        patches=PatchParams(shape="irregular", transitions=True),
+        rotation=RotationParams(distance_tolerance_mm=40.0),
+    )
+    register(corner_scan(), corner_scan(), method="thesis", params=proposals)
     for name in PROFILE_METHODS:
         register(corner_scan(profiles=1), corner_scan(profiles=1), method=name)

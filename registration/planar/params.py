@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from registration.thesis.params import PreprocessParams, SegmentParams
+from registration.thesis.view_params import PreprocessParams, SegmentParams
 
 Refinement = Literal["none", "centroids", "lines"]
 Winners = Literal["any", "determined"]

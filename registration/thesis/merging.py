@@ -6,8 +6,8 @@ import numpy as np
 
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
-from registration.thesis.params import MergeParams
 from registration.thesis.segments import Segments
+from registration.thesis.view_params import MergeParams
 
 
 def merge_profiles(segments: Segments, params: MergeParams) -> IntArray:
@@ -43,7 +43,7 @@ def merge_profiles(segments: Segments, params: MergeParams) -> IntArray:
 def stretch_shared(segments: Segments, a: int, b: int) -> float:
     """Length in mm of segment a's line that segment b runs beside, at whatever distance."""
     ends = np.ascontiguousarray(segments.endpoints_mm[[a, b], :, 1:])
-    return float(_shared(ends[0], ends[1], np.inf))
+    return float(run_beside(ends[0], ends[1], np.inf))
 
 
 @compiled
@@ -100,7 +100,7 @@ def _similar_length(p: float, q: float, overlap_th: float) -> bool:
 
 
 @compiled
-def _shared(a: FloatArray, b: FloatArray, jump: float) -> float:
+def run_beside(a: FloatArray, b: FloatArray, jump: float) -> float:
     """Length of line a that b runs beside, 0 when b's middle is off it by more than jump.
 
     a, b: (2, 2) Y and Z of the endpoints.
@@ -163,7 +163,7 @@ def _link_segments(
     best_backward = np.zeros(c - b)
     for i in range(a, b):
         for j in range(b, c):
-            shared = _shared(ends[i], ends[j], jump)
+            shared = run_beside(ends[i], ends[j], jump)
             if (
                 shared <= 0.0
                 or abs(_difference(angle[i], angle[j])) > rotation_th
@@ -247,7 +247,7 @@ def _align(
             value = max(table[i, j + 1], table[i + 1, j])
             p, q = a + i, b + j
             if (
-                _shared(ends[p], ends[q], jump) > 0.0
+                run_beside(ends[p], ends[q], jump) > 0.0
                 and abs(_difference(angle[q], angle[p] + turn)) <= close_normal
             ):
                 value = max(value, table[i, j] + min(length[p], length[q]))

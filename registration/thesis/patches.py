@@ -9,11 +9,12 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from registration.scan import BoolArray, FloatArray, IntArray, Scan
+from registration.thesis.irregular import covered_points, join_transitions, strip_areas
 from registration.thesis.merging import stretch_shared
-from registration.thesis.params import PatchParams
 from registration.thesis.planes import fit_planes
 from registration.thesis.segments import Segments
 from registration.thesis.triplets import triplet_points
+from registration.thesis.view_params import PatchParams
 
 _NO_AREA_MM2 = 1e-6
 
@@ -24,7 +25,8 @@ class Patches:
 
     normal: (m, 3) unit, towards the sensor.
     offset_mm: (m,) with normal . p = offset_mm on the plane.
-    centroid_mm: (m, 3) mean of the patch's points, as section 5.4 defines it.
+    centroid_mm: (m, 3) mean of the patch's points, as section 5.4 defines it; of an irregular one
+        the middle of its area.
     area_mm2: (m,) area swept by the segments on the plane.
     corners_mm: (m, 4, 3) ends of the first segment, then of the last in reverse, on the plane.
     count: (m,) number of segments.
@@ -68,17 +70,22 @@ def move_patches(patches: Patches, T_new_old: RigidTransform) -> Patches:
 def build_patches(
     segments: Segments, chain: IntArray, params: PatchParams, scan: Scan | None = None
 ) -> Patches:
-    """Fit a plane to the three points that each segment of a chain contributes.
+    """Fit a plane to the three points, or to all, that each segment of a chain contributes.
 
     segments, chain: as of find_segments and merge_profiles.
-    scan: where the readings "carried" and "measured" look depths up; not needed for "fitted".
-    Section 5.4; plane by (5-2), (5-3) or by the centred scatter (corrected).
+    scan: where the readings "carried" and "measured" look depths up; not needed for "fitted", nor
+        for irregular patches.
+    Section 5.4; plane by (5-2), (5-3) or by the centred scatter (corrected). Irregular patches and
+    transition zones: chapter 7.
     """
     members = _members(segments, chain, params)
     index = np.array([s for chain_members, _ in members for s in chain_members], dtype=np.int64)
     patch = np.repeat(np.arange(len(members)), [len(c) for c, _ in members])
-    points = triplet_points(segments, index, patch, params, scan).reshape(-1, 3)
-    point_patch = np.repeat(patch, 3)
+    if params.shape == "irregular":
+        points, point_patch = covered_points(segments, index, patch, scan)
+    else:
+        points = triplet_points(segments, index, patch, params, scan).reshape(-1, 3)
+        point_patch = np.repeat(patch, 3)
     normal, centroid = fit_planes(points, point_patch, len(members), params.plane)
     facing = np.zeros((len(members), 3))
     np.add.at(facing, patch, segments.normal[index])
@@ -86,11 +93,15 @@ def build_patches(
     starts = np.searchsorted(patch, np.arange(len(members)))
     stops = np.searchsorted(patch, np.arange(len(members)), side="right") - 1
     offset = np.einsum("mj,mj->m", normal, centroid)
+    if params.shape == "irregular":
+        area, centroid = strip_areas(segments, index, patch, normal, offset)
+    else:
+        area = _swept_area(segments, index, patch, normal, len(members))
     return Patches(
         normal=normal,
         offset_mm=offset,
         centroid_mm=centroid,
-        area_mm2=_swept_area(segments, index, patch, normal, len(members)),
+        area_mm2=area,
         corners_mm=_corners(segments, index[starts], index[stops], normal, offset),
         count=stops - starts + 1,
         profile_first=segments.profile[index[starts]],
@@ -105,14 +116,21 @@ def _members(
     segments: Segments, chain: IntArray, params: PatchParams
 ) -> list[tuple[IntArray, bool]]:
     """Segments of every patch in order of profiles, and whether it is an intermediate one."""
-    order = np.argsort(chain, kind="stable")
-    bounds = np.flatnonzero(np.diff(chain[order], prepend=-1, append=-1))
-    chains = [order[a:b] for a, b in pairwise(bounds)]
-    kept = [c for c in chains if len(c) >= params.min_profiles and _sweeps(segments, c)]
+    kept = _kept(segments, chain, params)
+    if params.transitions:
+        kept = _kept(segments, join_transitions(segments, chain, kept, params.coplanar_mm), params)
     members = [(c, False) for c in kept]
     if params.intermediate:
         members += [(pair, True) for pair in _bridges(segments, kept, params.parallel_th_rad)]
     return members
+
+
+def _kept(segments: Segments, chain: IntArray, params: PatchParams) -> list[IntArray]:
+    """The chains that make a patch: long enough, and not just points."""
+    order = np.argsort(chain, kind="stable")
+    bounds = np.flatnonzero(np.diff(chain[order], prepend=-1, append=-1))
+    chains = [order[a:b] for a, b in pairwise(bounds)]
+    return [c for c in chains if len(c) >= params.min_profiles and _sweeps(segments, c)]
 
 
 def _bridges(segments: Segments, chains: list[IntArray], parallel_th_rad: float) -> list[IntArray]:

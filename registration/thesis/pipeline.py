@@ -11,6 +11,7 @@ from registration.result import RegistrationResult
 from registration.scan import Scan
 from registration.thesis.evidence import ViewEvidence
 from registration.thesis.gauss_sphere import compact_sphere
+from registration.thesis.icp import refined
 from registration.thesis.merging import merge_profiles
 from registration.thesis.outcome import decide
 from registration.thesis.params import ThesisParams
@@ -83,10 +84,17 @@ def _from_patches(
         )
     with _timed("rotation", stage_ms):
         search = search_rotation(
-            target.sphere, source.sphere, params.rotation, params.belief.tie_angle_rad
+            target.sphere,
+            source.sphere,
+            params.rotation,
+            params.belief.tie_angle_rad,
+            (target.patches.centroid_mm, source.patches.centroid_mm),
         )
     with _timed("translation", stage_ms):
         result = decide(target, source, search, params)
+    if params.icp.rounds > 0:
+        with _timed("icp", stage_ms):
+            result = refined(result, scans[0], scans[1], params.icp)
     return replace(result, stage_ms=stage_ms)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from registration.scan import FloatArray, IntArray
-from registration.thesis.params import PlaneFit
+from registration.thesis.view_params import PlaneFit
 
 
 def fit_planes(

@@ -6,7 +6,7 @@ import numpy as np
 
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray, Scan
-from registration.thesis.params import PreprocessParams
+from registration.thesis.view_params import PreprocessParams
 
 
 def preprocess(scan: Scan, params: PreprocessParams) -> Scan:

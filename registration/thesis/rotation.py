@@ -15,6 +15,7 @@ from registration.thesis.params import RotationParams
 from registration.thesis.triplet_search import (
     angle_table,
     count_triplets,
+    equal_distances,
     equal_triplets,
     matched_normals,
     overlaps,
@@ -39,11 +40,16 @@ class RotationSearch:
 
 
 def search_rotation(
-    target: GaussSphere, source: GaussSphere, params: RotationParams, distinct_rad: float = 0.17
+    target: GaussSphere,
+    source: GaussSphere,
+    params: RotationParams,
+    distinct_rad: float = 0.17,
+    centroids_mm: tuple[FloatArray, FloatArray] | None = None,
 ) -> RotationSearch:
     """Try every pair of triplets with equal angles and rank them by the overlap of all normals.
 
     distinct_rad: rotations nearer than this to a better one are left out.
+    centroids_mm: (m, 3) of the patches of target and source, for params.distance_tolerance_mm.
     Bounded by params.max_normals and params.max_hypotheses: at most C(30, 3) triplets of the
     target are compared and 20,000 rotations scored with the defaults. Equal overlaps, on which the
     thesis is silent, are ranked by the smaller residual.
@@ -54,7 +60,7 @@ def search_rotation(
         for sphere in (target, source)
     ]
     if min(triplets) > 0:
-        candidates = _triplet_rotations(target, source, params)
+        candidates = _triplet_rotations(target, source, params, centroids_mm)
         if len(candidates):
             return _ranked(target, source, candidates, params, distinct_rad, two=False)
     if params.zero_rotation == "z":
@@ -65,10 +71,27 @@ def search_rotation(
 
 
 def _triplet_rotations(
-    target: GaussSphere, source: GaussSphere, params: RotationParams
+    target: GaussSphere,
+    source: GaussSphere,
+    params: RotationParams,
+    centroids_mm: tuple[FloatArray, FloatArray] | None,
 ) -> FloatArray:
     """(h, 3, 3) rotations of all triplet pairs that pass the orthogonality check."""
     n = params.max_normals
+    like = np.zeros((0, 0, 0, 0), dtype=bool)
+    if params.distance_tolerance_mm is not None:
+        if centroids_mm is None:
+            raise ValueError("RotationParams.distance_tolerance_mm needs the patches' centroids")
+        like = equal_distances(
+            centroids_mm[0],
+            target.member,
+            centroids_mm[1],
+            source.member,
+            angle_table(target.direction[:n]),
+            angle_table(source.direction[:n]),
+            params.angle_tolerance_rad,
+            params.distance_tolerance_mm,
+        )
     rows = equal_triplets(
         target.direction[:n],
         target.weight[:n],
@@ -76,6 +99,8 @@ def _triplet_rotations(
         source.weight[:n],
         params.angle_tolerance_rad,
         params.max_hypotheses,
+        params.min_area_ratio,
+        like,
     )
     normals = target.direction[rows[:, :3]]
     source_normals = source.direction[rows[:, 3:]]
@@ -216,9 +241,14 @@ def _none_found(
             status="underdetermined",
             reason=f"{' and '.join(poor)}: three that are not coplanar are needed{hint}",
         )
+    constraints = f"within {params.angle_tolerance_rad:g} rad"
+    if params.min_area_ratio > 0.0:
+        constraints += f", areas alike to {params.min_area_ratio:.0%}"
+    if params.distance_tolerance_mm is not None:
+        constraints += f", centroids as far apart within {params.distance_tolerance_mm:g} mm"
     return RotationSearch(
         *empty,
         status="failed",
         reason=f"none of the {triplets[0]} triplets of normals of the target makes the same angles "
-        f"as one of the {triplets[1]} of the source, within {params.angle_tolerance_rad:g} rad",
+        f"as one of the {triplets[1]} of the source, {constraints}",
     )

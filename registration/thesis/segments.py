@@ -8,7 +8,7 @@ import numpy as np
 
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray, Scan
-from registration.thesis.params import SegmentParams
+from registration.thesis.view_params import SegmentParams
 
 
 @dataclass(frozen=True)
@@ -39,16 +39,22 @@ class Segments:
 
 
 def find_segments(scan: Scan, params: SegmentParams) -> Segments:
-    """Cut every profile into straight lines, from its first pixel to its last.
+    """Cut every profile into straight lines, from its first pixel to its last or longest first.
 
     A point belongs to the running segment while it lies within WARP of its line and within CLIFF
     of the point before. Section 5.3; the final fit is (D-3), or total least squares (corrected:
-    a regression of Z on Y is biased for steep lines).
+    a regression of Z on Y is biased for steep lines). The order "longest_first" is chapter 7's.
     """
     points = np.ascontiguousarray(scan.points_mm)
     first_line = params.seed == "first_points"
     spans = _spans(
-        points, params.warp_mm, params.cliff_mm, params.seed_points, first_line, params.min_points
+        points,
+        params.warp_mm,
+        params.cliff_mm,
+        params.seed_points,
+        first_line,
+        params.min_points,
+        params.order == "longest_first",
     )
     profile, first, last = spans[:, 0], spans[:, 1], spans[:, 2]
     centroid, direction, count = _fits(points, spans, params.fit == "regression")
@@ -107,6 +113,7 @@ def _spans(
     seed_points: int,
     first_line: bool,
     min_points: int,
+    longest_first: bool,
 ) -> IntArray:
     """(n, 3) profile, first and last pixel of every segment."""
     profiles, pixels = points.shape[:2]
@@ -123,50 +130,126 @@ def _spans(
                 z[m] = points[k, u, 2]
                 pixel[m] = u
                 m += 1
-        start = 0
-        while start + seed_points <= m:
-            end = start  # inclusive
-            seeded = True
-            for i in range(start + 1, start + seed_points):
-                if np.hypot(y[i] - y[i - 1], z[i] - z[i - 1]) > cliff:
-                    start = i
-                    seeded = False
-                    break
-            if not seeded:
-                continue
-            end = start + seed_points - 1
-            sums = _moments(y, z, start, end)
-            cy, cz, dy, dz = _line(sums, y[start], z[start])
-            for i in range(start, end + 1):
-                if abs((y[i] - cy) * dz - (z[i] - cz) * dy) > warp:
-                    seeded = False
-            if not seeded:
-                start += 1
-                continue
-            while end + 1 < m:
-                i = end + 1
-                if np.hypot(y[i] - y[end], z[i] - z[end]) > cliff:
-                    break
-                if abs((y[i] - cy) * dz - (z[i] - cz) * dy) > warp:
-                    break
-                end = i
-                if not first_line:
-                    ry = y[i] - y[start]
-                    rz = z[i] - z[start]
-                    sums[0] += 1.0
-                    sums[1] += ry
-                    sums[2] += rz
-                    sums[3] += ry * ry
-                    sums[4] += ry * rz
-                    sums[5] += rz * rz
-                    cy, cz, dy, dz = _line(sums, y[start], z[start])
-            if end - start + 1 >= min_points:
-                spans[n, 0] = k
-                spans[n, 1] = pixel[start]
-                spans[n, 2] = pixel[end]
-                n += 1
-            start = end + 1
+        if longest_first:
+            found = _longest(y[:m], z[:m], warp, cliff, seed_points, first_line, min_points)
+        else:
+            found = _in_order(y[:m], z[:m], warp, cliff, seed_points, first_line, min_points)
+        for start, end in found:
+            spans[n, 0] = k
+            spans[n, 1] = pixel[start]
+            spans[n, 2] = pixel[end]
+            n += 1
     return spans[:n].copy()
+
+
+@compiled
+def _in_order(
+    y: FloatArray,
+    z: FloatArray,
+    warp: float,
+    cliff: float,
+    seed_points: int,
+    first_line: bool,
+    min_points: int,
+) -> IntArray:
+    """(n, 2) first and last point of the lines met from one end of a profile to the other."""
+    found = np.empty((len(y), 2), dtype=np.int64)
+    n = 0
+    start = 0
+    while start + seed_points <= len(y):
+        end, following = _grown(y, z, start, warp, cliff, seed_points, first_line)
+        if end >= 0 and end - start + 1 >= min_points:
+            found[n, 0] = start
+            found[n, 1] = end
+            n += 1
+        start = following
+    return found[:n]
+
+
+@compiled
+def _longest(
+    y: FloatArray,
+    z: FloatArray,
+    warp: float,
+    cliff: float,
+    seed_points: int,
+    first_line: bool,
+    min_points: int,
+) -> IntArray:
+    """(n, 2) the longest line of a profile, then those of what is left on either side.
+
+    A line grows point by point, so cut short by a line found before it is the line that would have
+    grown in what that one left: every start has to be tried but once.
+    """
+    m = len(y)
+    reach = np.full(m, -1, dtype=np.int64)
+    for start in range(m - seed_points + 1):
+        reach[start] = _grown(y, z, start, warp, cliff, seed_points, first_line)[0]
+    found = np.empty((m, 2), dtype=np.int64)
+    fewest = max(seed_points, min_points)
+    left = [(0, m - 1)]
+    n = 0
+    while len(left) > 0:
+        low, high = left.pop()
+        best = -1
+        longest = -1.0
+        for start in range(low, high - fewest + 2):
+            end = min(reach[start], high)
+            if end - start + 1 < fewest:
+                continue
+            length = np.hypot(y[end] - y[start], z[end] - z[start])
+            if length > longest:
+                longest = length
+                best = start
+        if best < 0:
+            continue
+        end = min(reach[best], high)
+        found[n, 0] = best
+        found[n, 1] = end
+        n += 1
+        left.append((low, best - 1))
+        left.append((end + 1, high))
+    return found[:n][np.argsort(found[:n, 0])]
+
+
+@compiled
+def _grown(
+    y: FloatArray,
+    z: FloatArray,
+    start: int,
+    warp: float,
+    cliff: float,
+    seed_points: int,
+    first_line: bool,
+) -> tuple[int, int]:
+    """Last point of the line that starts here, -1 for none, and where the next may start."""
+    for i in range(start + 1, start + seed_points):
+        if np.hypot(y[i] - y[i - 1], z[i] - z[i - 1]) > cliff:
+            return -1, i
+    end = start + seed_points - 1  # inclusive
+    sums = _moments(y, z, start, end)
+    cy, cz, dy, dz = _line(sums, y[start], z[start])
+    for i in range(start, end + 1):
+        if abs((y[i] - cy) * dz - (z[i] - cz) * dy) > warp:
+            return -1, start + 1
+    while end + 1 < len(y):
+        i = end + 1
+        if np.hypot(y[i] - y[end], z[i] - z[end]) > cliff:
+            break
+        if abs((y[i] - cy) * dz - (z[i] - cz) * dy) > warp:
+            break
+        end = i
+        if not first_line:
+            ry = y[i] - y[start]
+            rz = z[i] - z[start]
+            sums[0] += 1.0
+            sums[1] += ry
+            sums[2] += rz
+            sums[3] += ry * ry
+            sums[4] += ry * rz
+            sums[5] += rz * rz
+            cy, cz, dy, dz = _line(sums, y[start], z[start])
+    return end, end + 1
 
 
 @compiled

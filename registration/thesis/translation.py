@@ -12,6 +12,9 @@ from registration.thesis.gauss_sphere import GaussSphere
 from registration.thesis.params import TranslationParams
 from registration.thesis.patches import Patches
 
+# Root mean square component of the normals below which planes are taken to say nothing.
+TURNED_AWAY = 0.05
+
 
 @dataclass(frozen=True)
 class Shifts:
@@ -20,7 +23,7 @@ class Shifts:
     values_mm: (m, 3) cp - R cp' (4-25); weights: (m,) used in the average.
     patch_pairs: (m, 2) target and source patch.
     chosen: (m,) True in the region of maximum occurrence; box_mm: (2, 3) its lower and upper
-        corner (for "3d", of the box around the ball).
+        corner (for a ball, of the box around it).
     """
 
     values_mm: FloatArray
@@ -68,12 +71,41 @@ def estimate_translation(
         weights = np.minimum(a, b) / np.maximum(a, b)
     else:
         weights = np.ones(len(values))
-    densest = densest_box if params.density == "per_axis" else densest_ball
-    chosen, box = densest(values, weights, params.window_mm)
+    if params.density == "per_axis":
+        chosen, box = densest_box(values, weights, params.window_mm)
+    elif params.density == "3d":
+        chosen, box = densest_ball(values, weights, params.window_mm)
+    else:
+        chosen, box = densest_nested(values, weights, params.window_mm, params.levels)
     shifts = Shifts(values, weights, patch_pairs, chosen, box)
     if not chosen.any():
         return None, shifts
-    return np.average(values[chosen], axis=0, weights=weights[chosen]), shifts
+    mean = np.average(values[chosen], axis=0, weights=weights[chosen])
+    if params.estimate == "plane_distances":
+        normal = target.normal[i[chosen]] + source.normal[j[chosen]] @ R_target_source.T
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        mean = shift_between_planes(normal, values[chosen], weights[chosen], mean)
+    return mean, shifts
+
+
+def shift_between_planes(
+    normal: FloatArray, values_mm: FloatArray, weights: FloatArray, start_mm: FloatArray
+) -> FloatArray:
+    """Find the shift that lays planes on each other, nearest to a given one where they leave it.
+
+    normal: (m, 3) unit, common to both planes of a pair. values_mm: (m, 3) from any point of the
+        source's plane, turned, to any of the target's. weights: (m,). start_mm: (3,).
+    Least squares of n . (value - t), section 6.6. The distances are taken between the centroids,
+    not from the origin: a metre away, an error of the rotation would move the planes. Along a
+    direction that all planes share, or nearly so (TURNED_AWAY), start_mm stays.
+    """
+    root = np.sqrt(weights)[:, None]
+    gaps = np.einsum("mj,mj->m", normal, values_mm - start_mm)
+    U, spread, Vt = np.linalg.svd(root * normal, full_matrices=False)
+    told = spread > TURNED_AWAY * np.sqrt(weights.sum())
+    along = (U.T @ (root[:, 0] * gaps))[told] / spread[told]
+    shift: FloatArray = start_mm + along @ Vt[told]
+    return shift
 
 
 def densest_box(
@@ -121,3 +153,21 @@ def densest_ball(
     chosen[neighbours[best]] = True
     centre = values_mm[fullest[best]]
     return chosen, np.stack([centre - 0.5 * window_mm, centre + 0.5 * window_mm])
+
+
+def densest_nested(
+    values_mm: FloatArray, weights: FloatArray, window_mm: float, levels: int
+) -> tuple[BoolArray, FloatArray]:
+    """Find the densest ball of 2^levels windows, in it the densest half as wide, and so on.
+
+    Ends at the window; returns (m,) and (2, 3) as densest_ball. Chapter 7's hierarchical location:
+    a wide ball counts the shifts that a small one would miss as the noise scatters them.
+    """
+    inside = np.arange(len(values_mm))
+    box = np.full((2, 3), np.nan)
+    for level in range(levels, -1, -1):
+        within, box = densest_ball(values_mm[inside], weights[inside], window_mm * 2.0**level)
+        inside = inside[within]
+    chosen = np.zeros(len(values_mm), dtype=bool)
+    chosen[inside] = True
+    return chosen, box

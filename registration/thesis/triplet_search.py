@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from registration.kernels import compiled
-from registration.scan import FloatArray, IntArray
+from registration.scan import BoolArray, FloatArray, IntArray
 
 
 @compiled
@@ -52,6 +52,54 @@ def _handedness(d: FloatArray, i: int, j: int, k: int) -> float:
 
 
 @compiled
+def _ratio(a: float, b: float) -> float:
+    return min(a, b) / max(a, b)
+
+
+@compiled
+def equal_distances(
+    target_mm: FloatArray,
+    target_member: IntArray,
+    source_mm: FloatArray,
+    source_member: IntArray,
+    left: FloatArray,
+    right: FloatArray,
+    angle_tolerance: float,
+    distance_tolerance: float,
+) -> BoolArray:
+    """(k, k, l, l) whether patches of two target and of two source normals can be as far apart.
+
+    target_mm, source_mm: centroids; target_member, source_member: the normal of each. left, right:
+    the angle tables, as only normals at equal angles are looked at.
+    """
+    like = np.zeros((len(left), len(left), len(right), len(right)), dtype=np.bool_)
+    between = np.empty((len(source_mm), len(source_mm)))
+    for c in range(len(source_mm)):
+        for d in range(len(source_mm)):
+            between[c, d] = np.sqrt(((source_mm[c] - source_mm[d]) ** 2).sum())
+    for a in range(len(target_mm)):
+        i = target_member[a]
+        for b in range(len(target_mm)):
+            j = target_member[b]
+            if i <= j or i >= len(left):
+                continue
+            distance = np.sqrt(((target_mm[a] - target_mm[b]) ** 2).sum())
+            for c in range(len(source_mm)):
+                p = source_member[c]
+                for d in range(len(source_mm)):
+                    q = source_member[d]
+                    if (
+                        p != q
+                        and p < len(right)
+                        and q < len(right)
+                        and abs(between[c, d] - distance) <= distance_tolerance
+                        and abs(right[p, q] - left[i, j]) <= angle_tolerance
+                    ):
+                        like[i, j, p, q] = True
+    return like
+
+
+@compiled
 def equal_triplets(
     target: FloatArray,
     target_weight: FloatArray,
@@ -59,13 +107,18 @@ def equal_triplets(
     source_weight: FloatArray,
     tolerance: float,
     keep: int,
+    min_ratio: float,
+    like: BoolArray,
 ) -> IntArray:
     """Find the triplets of two spheres with the same three angles and the same handedness.
 
     Returns (h, 6): three target normals and the corresponding three source normals, the heaviest
     `keep` of them (sum of the smaller weight of each pair), heaviest first. Mirrored triplets have
     the same angles too: their rotation would have determinant -1, so they are left out here.
+    min_ratio: paired normals weigh at least this share of each other. like: as of equal_distances,
+        or of no size for any.
     """
+    any_distance = like.size == 0
     left = angle_table(target)
     right = angle_table(source)
     rows = np.empty((2 * keep, 6), dtype=np.int64)
@@ -78,14 +131,23 @@ def equal_triplets(
                     continue
                 hand = _handedness(target, i, j, k)
                 for p in range(len(right)):
+                    if _ratio(target_weight[i], source_weight[p]) < min_ratio:
+                        continue
                     for q in range(len(right)):
-                        if q == p or abs(right[p, q] - left[i, j]) > tolerance:
+                        if (
+                            q == p
+                            or abs(right[p, q] - left[i, j]) > tolerance
+                            or _ratio(target_weight[j], source_weight[q]) < min_ratio
+                            or not (any_distance or like[i, j, p, q])
+                        ):
                             continue
                         for r in range(len(right)):
                             if (
                                 r in (p, q)
                                 or abs(right[p, r] - left[i, k]) > tolerance
                                 or abs(right[q, r] - left[j, k]) > tolerance
+                                or _ratio(target_weight[k], source_weight[r]) < min_ratio
+                                or not (any_distance or (like[i, k, p, r] and like[j, k, q, r]))
                                 or _handedness(source, p, q, r) * hand <= 0.0
                                 or degenerate(right[p, q], right[p, r], right[q, r], tolerance)
                             ):

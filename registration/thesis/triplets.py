@@ -8,8 +8,8 @@ import numpy as np
 
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray, Scan
-from registration.thesis.params import PatchParams
 from registration.thesis.segments import Segments
+from registration.thesis.view_params import PatchParams
 
 _QUARTERS = np.array([0.25, 0.5, 0.75])
 

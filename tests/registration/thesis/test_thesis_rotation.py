@@ -21,6 +21,9 @@ from registration.thesis.triplet_search import angle_table, degenerate, equal_tr
 CASES = 1000
 
 
+ANY = np.zeros((0, 0, 0, 0), dtype=bool)
+
+
 def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
@@ -111,8 +114,8 @@ def test_mirrored_normals_are_not_taken_for_turned_ones() -> None:
     n = facing(np.random.default_rng(5), 5)
     mirrored = n * [1.0, -1.0, 1.0]
     weight = np.ones(5)
-    assert len(equal_triplets(n, weight, n, weight, 1e-6, 1000)) == 10
-    assert len(equal_triplets(n, weight, mirrored, weight, 1e-6, 1000)) == 0
+    assert len(equal_triplets(n, weight, n, weight, 1e-6, 1000, 0.0, ANY)) == 10
+    assert len(equal_triplets(n, weight, mirrored, weight, 1e-6, 1000, 0.0, ANY)) == 0
 
 
 def test_coplanar_normals_are_degenerate() -> None:
@@ -129,8 +132,8 @@ def test_the_heaviest_hypotheses_are_kept() -> None:
     rng = np.random.default_rng(6)
     n = facing(rng, 8)
     weight = np.sort(rng.uniform(1, 10, 8))[::-1].copy()
-    everything = equal_triplets(n, weight, n, weight, 0.2, 100_000)
-    few = equal_triplets(n, weight, n, weight, 0.2, 20)
+    everything = equal_triplets(n, weight, n, weight, 0.2, 100_000, 0.0, ANY)
+    few = equal_triplets(n, weight, n, weight, 0.2, 20, 0.0, ANY)
 
     def heft(rows: np.ndarray) -> np.ndarray:
         return np.minimum(weight[rows[:, :3]], weight[rows[:, 3:]]).sum(axis=1)
