@@ -25,6 +25,7 @@ from harness.store import Store, StoreError, load
 from harness.table_files import Table, write_tables
 from harness.tables import all_tables
 from harness.trials import Trial, TrialSpec, build_trials, full_specs
+from harness.variants import variant_tables
 from harness.view_tables import arm_table
 
 # Tables that only their files are for.
@@ -124,6 +125,7 @@ def report(session: Session) -> list[Table]:
     rows = load(session.folder)
     if rows.empty:
         raise StoreError(f"{session.folder} has no row of this configuration; run it first")
+    random = isinstance(session.experiment, RandomPairsExperiment)
     if isinstance(session.experiment, RandomPairsExperiment):
         from harness.random_figures import draw_random_figures
 
@@ -131,6 +133,7 @@ def report(session: Session) -> list[Table]:
         draw_random_figures(rows, session.folder / "figures")
     else:
         tables = all_tables(session.experiment, rows, _gaps(session.trials, rows))
+    tables += variant_tables(session.experiment.methods, rows, random)
     sensor = session.trials[0].spec.sensor
     card = card_table(sensor.name, sensor.params)
     quiet = [table for table in (arm_table(session.trials), card) if table is not None]

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from harness.schema import MethodChoice
+from harness.variants import FEWEST, LEVEL, median_interval, variant_tables
+
+METHODS = [
+    MethodChoice(name="thesis", label="plain"),
+    MethodChoice(name="thesis", label="better"),
+    MethodChoice(name="gauss_sphere"),
+]
+
+
+def rows_of(right: dict[str, list[bool]], error_mm: dict[str, float]) -> pd.DataFrame:
+    """Trials of two pairs; the order of the rows is of no account."""
+    records = [
+        {
+            "pair": f"pair {k % 2}",
+            "repeat": k // 2,
+            "method": method,
+            "given": "",
+            "status": "ok" if fine else "failed",
+            "rotation_error_deg": 0.5 if fine else np.nan,
+            "translation_error_mm": error_mm[method] if fine else np.nan,
+            "ms_registration": 10.0,
+        }
+        for method, answers in right.items()
+        for k, fine in enumerate(answers)
+    ]
+    return pd.DataFrame(records).sample(frac=1.0, random_state=0)
+
+
+def test_trials_are_compared_on_the_same_scans() -> None:
+    plain = [True] * 10 + [False] * 10
+    better = [True] * 9 + [False] + [True] * 9 + [False]
+    rows = rows_of(
+        {"plain": plain, "better": better, "gauss_sphere": plain},
+        {"plain": 8.0, "better": 2.0, "gauss_sphere": 1.0},
+    )
+
+    (table,) = variant_tables(METHODS, rows, random=False)
+
+    frame = table.frame[table.frame["Pairs"] == "all"].set_index("Method")
+    assert list(frame.index) == ["plain", "better"]
+    line = frame.loc["better"]
+    assert (line["Gained"], line["Lost"], line["Both right"]) == (9, 1, 9)
+    # Of 10 tosses, 9 or more alike: 2 (1 + 10) / 1024.
+    assert line["p"] == pytest.approx(22 / 1024)
+    assert line["Translation error, ratio"] == "0.25 [0.25, 0.25]"
+    assert line["Right"].startswith("18/20 ")
+    assert "more trials right than plain: better; fewer: none" in table.note
+    assert "ranslation error smaller: better; larger: none" in table.note
+    assert "otation error smaller: none; larger: none" in table.note
+    assert set(table.frame["Pairs"]) == {"all", "pair 0", "pair 1"}
+
+
+def test_methods_that_stand_alone_have_no_variants() -> None:
+    assert variant_tables(METHODS[1:], rows_of({"better": [True]}, {"better": 1.0}), False) == []
+
+
+@given(st.lists(st.floats(0.01, 100.0), min_size=FEWEST, max_size=80))
+def test_the_interval_of_a_median_holds_it_as_often_as_it_says(values: list[float]) -> None:
+    """Its ends are the order statistics that the binomial law asks for, and no nearer ones do."""
+    low, high = median_interval(np.array(values))
+    ordered = sorted(values)
+    n = len(values)
+    # Of distinct values in their order the ends are the ranks themselves.
+    ends = median_interval(np.arange(1.0, n + 1.0))
+    k = int(ends[0])
+    assert ends[1] == n + 1 - k
+    assert (low, high) == (ordered[k - 1], ordered[n - k])
+    assert 1.0 - 2.0 * binom.cdf(k - 1, n, 0.5) >= LEVEL
+    assert 1.0 - 2.0 * binom.cdf(k, n, 0.5) < LEVEL
+
+
+def test_too_few_values_have_no_interval() -> None:
+    assert median_interval(np.ones(FEWEST - 1)) is None
