@@ -17,6 +17,7 @@ from collections import Counter
 import numpy as np
 
 from sensors import threedx
+from sensors.threedx_layout import ThreeDxError
 
 INTERESTING = (0, 1, 2, 3, 127, 128, 254, 255)
 
@@ -63,7 +64,7 @@ def outcome(data: bytes) -> str:
     """Return "read" or "refused"; raises whatever else reading raises, or AssertionError."""
     try:
         raw = threedx.decode(io.BytesIO(data))
-    except threedx.ThreeDxError:
+    except ThreeDxError:
         return "refused"
     if threedx.encode(raw) != data:
         raise AssertionError("written back, the file differs")

@@ -128,6 +128,13 @@ def _parser() -> argparse.ArgumentParser:
         "--step", type=_length, metavar="MM", help="for --register: distance between profiles"
     )
     parser.add_argument(
+        "--travel",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "Z"),
+        help="for --register: direction of the motion in the sensor frame [1 0 0]",
+    )
+    parser.add_argument(
         "--method", metavar="NAME", help="for --register: the method [gauss_sphere]"
     )
     parser.add_argument(
@@ -144,7 +151,7 @@ def _check_register(options: argparse.Namespace) -> None:
     from harness.config_errors import ConfigError
 
     if options.register is None:
-        for name in ("step", "method", "calibration"):
+        for name in ("step", "travel", "method", "calibration"):
             if getattr(options, name) is not None:
                 raise ConfigError(f"--{name}", (), "belongs to --register TARGET SOURCE")
         return
@@ -245,7 +252,7 @@ def _run(options: argparse.Namespace) -> int:
         target, source = options.register
         method = options.method or "gauss_sphere"
         files = target, source, options.calibration
-        return register_files(*files, options.step, method, options.out)
+        return register_files(*files, options.step, options.travel, method, options.out)
     from experiments import commands
     from harness.session import open_session
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ def register_files(
     source_file: Path,
     calibration_file: Path | None,
     step_mm: float | None,
+    travel: Sequence[float] | None,
     method: str,
     folder: Path | None,
 ) -> int:
@@ -41,7 +43,8 @@ def register_files(
     _check_folder(folder)
     try:
         params = _params(method, calibration_file)
-        target, source = (read_scan(file, step_mm) for file in (target_file, source_file))
+        moved = None if travel is None else np.array(travel)
+        target, source = (read_scan(file, step_mm, moved) for file in (target_file, source_file))
         result = register(target, source, method, params)
     except (ScanFileError, UnknownMethodError, MissingPeerError) as error:
         raise ConfigError("--register", (), str(error)) from None

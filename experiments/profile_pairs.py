@@ -161,9 +161,9 @@ def register_profiles(trial: Trial) -> Iterator[ProfilePair]:
 
 def one_profile(scan: Scan, profile: int) -> Scan:
     """One profile of a scan as a scan of its own, in the sensor frame of that profile."""
-    points_mm = scan.points_mm[profile : profile + 1] - [profile * scan.step_mm, 0.0, 0.0]
+    points_mm = scan.in_profiles_mm[profile : profile + 1]
     intensity = None if scan.intensity is None else scan.intensity[profile : profile + 1]
-    return Scan.from_points(points_mm, scan.step_mm, intensity, scan.apex_mm)
+    return Scan.from_points(points_mm, scan.step_mm, intensity, scan.apex_mm, scan.travel)
 
 
 def outliers(values: FloatArray) -> BoolArray:

@@ -47,11 +47,12 @@ def beams_of(
     """
     chosen = counted & hits.valid
     points_mm = hits.points_mm[chosen]
-    reach_mm = points_mm[:, 2] - apex_mm[2]
+    from_apex_mm = points_mm - apex_mm - hits.origins_mm[np.nonzero(chosen)[0]]
+    reach_mm = from_apex_mm[:, 2]
     beam = np.stack(
         [
             np.zeros(len(reach_mm)),
-            (points_mm[:, 1] - apex_mm[1]) / reach_mm,
+            from_apex_mm[:, 1] / reach_mm,
             np.ones(len(reach_mm)),
         ],
         axis=1,

@@ -5,6 +5,8 @@ Truth comes from the rays of a view without noise, which know the surface that e
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import ndimage
 from scipy.spatial.transform import RigidTransform
@@ -32,8 +34,8 @@ def register_with_true_segments(
     """Enter `thesis` after segmentation, with the exact lines that every profile has on a face."""
     minimum = params.segments.min_points
     return register_segments(
-        true_segments(target, step_mm, apex_mm, minimum)[0],
-        true_segments(source, step_mm, apex_mm, minimum)[0],
+        true_segments(target, apex_mm, minimum)[0],
+        true_segments(source, apex_mm, minimum)[0],
         params,
         Scan.from_points(target.points_mm, step_mm, apex_mm=apex_mm),
         Scan.from_points(source.points_mm, step_mm, apex_mm=apex_mm),
@@ -45,8 +47,8 @@ def register_with_true_patches(
 ) -> RegistrationResult:
     """Enter `thesis` after patch segmentation, with the exact visible part of every face."""
     return register_patches(
-        true_patches(target, step_mm, apex_mm, params),
-        true_patches(source, step_mm, apex_mm, params),
+        true_patches(target, apex_mm, params),
+        true_patches(source, apex_mm, params),
         params,
     )
 
@@ -63,9 +65,7 @@ def register_with_true_rotation(
     return decide(target_view, source_view, search, params)
 
 
-def true_segments(
-    hits: Hits, step_mm: float, apex_mm: FloatArray, min_points: int
-) -> tuple[Segments, IntArray]:
+def true_segments(hits: Hits, apex_mm: FloatArray, min_points: int) -> tuple[Segments, IntArray]:
     """The runs of neighbouring pixels that meet one face, as exact segments.
 
     Returns them in the order of profiles and pixels, and with each the connected visible part of
@@ -85,7 +85,7 @@ def true_segments(
     centroid = (total[profile, last + 1] - total[profile, first]) / count[:, None]
     normal = np.stack([np.zeros(len(span)), direction[:, 2], -direction[:, 1]], axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    apex = apex_mm + profile[:, None] * np.array([step_mm, 0.0, 0.0])
+    apex = apex_mm + hits.origins_mm[profile]
     normal[np.einsum("nj,nj->n", normal, apex - centroid) < 0.0] *= -1.0
     segments = Segments(
         profile, first, last, centroid, direction, normal, length, ends, count.astype(np.int64)
@@ -93,9 +93,9 @@ def true_segments(
     return segments, part[profile, first]
 
 
-def true_patches(hits: Hits, step_mm: float, apex_mm: FloatArray, params: ThesisParams) -> Patches:
+def true_patches(hits: Hits, apex_mm: FloatArray, params: ThesisParams) -> Patches:
     """The connected visible parts of the faces, as exact patches."""
-    segments, part = true_segments(hits, step_mm, apex_mm, params.segments.min_points)
+    segments, part = true_segments(hits, apex_mm, params.segments.min_points)
     exact = PatchParams(triplets="fitted", min_profiles=params.patches.min_profiles)
     return build_patches(segments, part, exact)
 
@@ -106,10 +106,11 @@ def only_shared(hits: Hits, sensor: Sensor, scene: Scene, path: ViewPath, other:
     points_mm = path.T_world_view.apply(hits.points_mm[valid])
     lost = np.zeros(valid.shape, dtype=bool)
     lost[valid] = ~seen(sensor, scene, other, points_mm, hits.surface[valid])
-    return Hits(
-        np.where(lost[..., None], np.nan, hits.points_mm),
-        np.where(lost, -1, hits.surface),
-        np.where(lost[..., None], np.nan, hits.normal),
+    return replace(
+        hits,
+        points_mm=np.where(lost[..., None], np.nan, hits.points_mm),
+        surface=np.where(lost, -1, hits.surface),
+        normal=np.where(lost[..., None], np.nan, hits.normal),
     )
 
 

@@ -204,7 +204,7 @@ def face_gaps(spec: TrialSpec) -> FaceGaps:
 
     def gaps(one: Hits, other: Hits) -> FloatArray:
         apex_mm = _sensor(spec).apex_mm
-        return centroid_gaps(one, other, T_exact, spec.step_mm, apex_mm, spec.method.params)
+        return centroid_gaps(one, other, T_exact, apex_mm, spec.method.params)
 
     shared = gaps(only(target, both.target), only(source, both.source))
     return FaceGaps(gaps(target, source), shared)

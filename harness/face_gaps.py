@@ -31,7 +31,6 @@ def centroid_gaps(
     target: Hits,
     source: Hits,
     T_target_source: RigidTransform,
-    step_mm: float,
     apex_mm: FloatArray,
     params: ThesisParams,
 ) -> FloatArray:
@@ -44,7 +43,7 @@ def centroid_gaps(
     gaps = []
     for face in np.intersect1d(target.surface[target.valid], source.surface[source.valid]):
         seen_at, taken_to = (
-            true_patches(only(hits, hits.surface == face), step_mm, apex_mm, params).centroid_mm
+            true_patches(only(hits, hits.surface == face), apex_mm, params).centroid_mm
             for hits in (target, source)
         )
         if len(seen_at) == 0 or len(taken_to) == 0:

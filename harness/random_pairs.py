@@ -166,7 +166,8 @@ def _rough_shares(
 ) -> tuple[float, float]:
     """Shares of either view's points that the other sees, from every STRIDE-th profile and beam."""
     paths = [
-        ViewPath(path.T_world_profile[::STRIDE], STRIDE * path.step_mm) for path in (target, source)
+        ViewPath(path.T_world_profile[::STRIDE], STRIDE * path.step_mm, travel=path.travel)
+        for path in (target, source)
     ]
     shares = []
     for one, other in (paths, paths[::-1]):

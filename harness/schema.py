@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+
+from sensors.paths import Direction, Line
 
 Length = Annotated[float, Field(gt=0.0)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
@@ -49,6 +51,63 @@ class ScanSize(Strict):
 
     profiles: int = Field(ge=1, le=10_000)
     step_mm: Length
+
+
+class ScanLine(ScanSize):
+    """How every view's line runs.
+
+    line: along the sensor's own X, which the mounting tilts, or along the laboratory's vertical as
+        in appendix B. direction: in which sense a vertical one is driven.
+    low_mm, high_mm: instead of profiles, between which heights of the world the sensor's front
+        moves on a vertical line; it begins at the low end and moves up, or at the high one, down.
+    """
+
+    line: Line = "sensor_x"
+    direction: Direction = "up"
+    low_mm: float | None = None
+    high_mm: float | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _counted(cls, data: Any) -> Any:
+        """Count the profiles between the two heights, where all that takes is given."""
+        if not isinstance(data, Mapping):
+            return data
+        ends = [data.get(key) for key in ("low_mm", "high_mm", "step_mm")]
+        numbers = [value for value in ends if isinstance(value, int | float)]
+        if len(numbers) < 3 or numbers[2] <= 0.0:
+            return data
+        low, high, step = numbers
+        if low >= high:
+            raise ValueError(f"low_mm {low:g} should lie below high_mm {high:g}")
+        count = int((high - low) / step + 1e-9) + 1
+        given = data.get("profiles", count)
+        if given != count:
+            raise ValueError(
+                f"profiles is {given}, but from low_mm {low:g} to high_mm {high:g} in steps of "
+                f"{step:g} mm there are {count}; leave profiles out"
+            )
+        return {**data, "profiles": count}
+
+    @model_validator(mode="after")
+    def _fitting_together(self) -> ScanLine:
+        if (self.low_mm is None) != (self.high_mm is None):
+            raise ValueError("low_mm and high_mm belong together; one of them is missing")
+        if self.line == "sensor_x":
+            for name in ("low_mm", "direction"):
+                if name in self.model_fields_set and getattr(self, name) not in (None, "up"):
+                    raise ValueError(f"{name} is for vertical lines; add `line: vertical`")
+        return self
+
+
+class StartView(Strict):
+    """A view by how the arm holds the sensor at the start, as appendix B's location `start`.
+
+    joints_deg: the six joints. track_mm: where on the track the arm stands.
+    """
+
+    joints_deg: tuple[Angle, Angle, Angle, Angle, Angle, Angle]
+    track_mm: float
 
 
 class AimedView(Strict):
@@ -102,6 +161,8 @@ def _kind_of_view(data: Any) -> str:
         return "placed"
     if "next_of" in keys:
         return "next"
+    if "joints_deg" in keys:
+        return "start"
     return "relative" if "relative_to" in keys else "aimed"
 
 
@@ -109,7 +170,8 @@ View = Annotated[
     Annotated[AimedView, Tag("aimed")]
     | Annotated[PlacedView, Tag("placed")]
     | Annotated[RelativeView, Tag("relative")]
-    | Annotated[NextView, Tag("next")],
+    | Annotated[NextView, Tag("next")]
+    | Annotated[StartView, Tag("start")],
     Discriminator(_kind_of_view),
 ]
 
@@ -155,7 +217,7 @@ class Experiment(Strict):
     scene: Choice
     sensor: Choice
     arm: dict[str, Any] | None = None
-    scan: ScanSize
+    scan: ScanLine
     rotation_labels: RotationLabels = "printed"
     views: dict[str, View] = Field(min_length=1)
     pairs: dict[str, Pair] = Field(min_length=1)

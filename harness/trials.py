@@ -16,14 +16,14 @@ from pydantic import ConfigDict, create_model
 
 from harness.config import validated
 from harness.config_errors import ConfigError, Key, nearest
-from harness.schema import AimedView, Choice, Experiment, MethodChoice, PlacedView, Truth
+from harness.schema import AimedView, Choice, Experiment, MethodChoice, PlacedView, StartView, Truth
 from harness.views import ArmStep, ViewSpec, view_spec
 from registration.methods import METHODS, UnknownMethodError, find_method
 from registration.peers import PEERS, MissingPeerError, check_installed
 from scenes import SCENES
 from sensors import SENSORS
 from sensors.arm import ArmParams, ReachError
-from sensors.paths import ViewPath
+from sensors.paths import LineError, ViewPath
 
 
 @dataclass(frozen=True)
@@ -183,6 +183,10 @@ def beyond_reach(experiment: Experiment, trials: Iterable[Trial]) -> dict[str, s
 def _carried(view: ViewSpec, arm: ArmParams | None, experiment: Experiment, file: Path) -> ViewSpec:
     """A view on the arm, driven once so that one out of reach is told before any scan."""
     if arm is None:
+        try:
+            view.path(experiment.scan.profiles, experiment.scan.step_mm)
+        except LineError as error:
+            raise ConfigError(file, ("views", view.name), str(error)) from None
         return view
     digest = hashlib.sha256(canonical_json([experiment.seed, view.name]).encode()).digest()
     carried = replace(view, arm=arm, rest_seed=int.from_bytes(digest[:6]))
@@ -191,19 +195,25 @@ def _carried(view: ViewSpec, arm: ArmParams | None, experiment: Experiment, file
     except ReachError as error:
         chosen = experiment.views[view.name]
         leave = chosen.beyond_reach if isinstance(chosen, PlacedView) else "refuse"
-        if any(isinstance(step, ArmStep) for step in view.steps):
+        by_arm = isinstance(view.aim, StartView)
+        if by_arm or any(isinstance(step, ArmStep) for step in view.steps):
             leave = "refuse"  # without an arm nothing says where it is
         misread = experiment.rotation_labels != "swapped"
         if leave == "straight_line" or (leave == "straight_line_unless_swapped" and misread):
             return view
         raise ConfigError(file, ("views", view.name), f"out of the arm's reach: {error}") from None
+    except LineError as error:
+        raise ConfigError(file, ("views", view.name), str(error)) from None
     return carried
 
 
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-    if isinstance(value, AimedView):
+        fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+        if isinstance(value, ViewSpec) and value.line is None:
+            del fields["line"]  # so that trials without one keep the ids they had before lines
+        return fields
+    if isinstance(value, AimedView | StartView):
         return value.model_dump()
     raise TypeError(f"{type(value).__name__} cannot determine a trial")
 

@@ -16,10 +16,21 @@ from harness.schema import (
     PrintedPose,
     RelativeView,
     RotationLabels,
+    ScanLine,
+    StartView,
 )
 from harness.scoring import pose_from_parameters
-from sensors.arm import ArmParams, ReachError, next_view, viewing_line
-from sensors.paths import ViewPath, aimed_view, straight_line
+from registration.scan import FloatArray
+from sensors.arm import ArmParams, ReachError, next_view, start_view, viewing_line
+from sensors.paths import (
+    ALONG_X,
+    Direction,
+    Line,
+    ViewPath,
+    aimed_view,
+    straight_line,
+    travel_of,
+)
 
 Vector = tuple[float, float, float]
 
@@ -55,51 +66,90 @@ class ArmStep:
 
 
 @dataclass(frozen=True)
+class VerticalLine:
+    """Appendix B's line along the laboratory's vertical.
+
+    end_mm: the height of the world at which it begins, or None for where the view puts it.
+    """
+
+    direction: Direction
+    end_mm: float | None
+
+
+@dataclass(frozen=True)
 class ViewSpec:
-    """Where one view is taken from, in the numbers of the config: an aimed view and steps from it.
+    """Where one view is taken from, in the numbers of the config: a first view and steps from it.
 
     The name is part of it: two views from one place are two scans.
     arm: what carries the sensor there, or None for the exact straight line.
     rest_seed: draws where within a count of its encoder each joint comes to rest.
+    line: the vertical line it is scanned along, or None for one along the sensor's own X.
     """
 
     name: str
-    aim: AimedView
+    aim: AimedView | StartView
     steps: tuple[PoseStep | ArmStep, ...]
     arm: ArmParams | None = None
     rest_seed: int | None = None
+    line: VerticalLine | None = None
 
     def path(self, profiles: int, step_mm: float) -> ViewPath:
-        """The viewing line of this view as it is driven; raises ReachError."""
+        """The viewing line of this view as it is driven; raises LineError."""
         T_world_view, arm = self._asked(profiles, step_mm)
+        travel = self._travel(T_world_view)
         if arm is None:
-            return straight_line(T_world_view, profiles, step_mm)
-        return viewing_line(T_world_view, profiles, step_mm, arm, self.rest_seed)
+            return straight_line(T_world_view, profiles, step_mm, travel)
+        return viewing_line(T_world_view, profiles, step_mm, arm, self.rest_seed, travel)
 
     def commanded(self, profiles: int, step_mm: float) -> RigidTransform:
-        """T_world_view of the first profile as the config asks for it; raises ReachError."""
+        """T_world_view of the first profile as the config asks for it; raises LineError."""
         return self._asked(profiles, step_mm)[0]
 
     def _asked(self, profiles: int, step_mm: float) -> tuple[RigidTransform, ArmParams | None]:
         """The pose of the first profile, and the arm, held on the track where a step leaves it."""
-        yaw_rad, pitch_rad, roll_rad = np.deg2rad(
-            [self.aim.yaw_deg, self.aim.pitch_deg, self.aim.roll_deg]
-        ).tolist()
-        T_world_view = aimed_view(
-            self.aim.aim_mm, self.aim.distance_mm, yaw_rad, pitch_rad, roll_rad, profiles, step_mm
-        )
-        arm = self.arm
+        T_world_view, arm = self._first(profiles, step_mm)
+        if self.line is not None and self.line.end_mm is not None:
+            x_mm, y_mm, _ = T_world_view.translation
+            T_world_view = RigidTransform.from_components(
+                [x_mm, y_mm, self.line.end_mm], T_world_view.rotation
+            )
         for step in self.steps:
             if isinstance(step, PoseStep):
                 T_world_view, arm = T_world_view * step.pose, self.arm
                 continue
             if arm is None:
                 raise ReachError("no arm carries the view, whose waist and track could move")
-            start = viewing_line(T_world_view, profiles, step_mm, arm)
+            travel = self._travel(T_world_view)
+            start = viewing_line(T_world_view, profiles, step_mm, arm, travel=travel)
             waist_rad = float(np.deg2rad(step.waist_deg))
             T_world_view, track_mm = next_view(start.counts[0], waist_rad, step.track_mm, arm)
             arm = replace(arm, track_mm=track_mm)
         return T_world_view, arm
+
+    def _first(self, profiles: int, step_mm: float) -> tuple[RigidTransform, ArmParams | None]:
+        """The view that all steps start from, and the arm, held where it stands on the track."""
+        view = self.aim
+        if isinstance(view, StartView):
+            if self.arm is None:
+                raise ReachError("no arm carries the view, whose joints are given")
+            arm = replace(self.arm, track_mm=view.track_mm)
+            return start_view(view.joints_deg, view.track_mm, self.arm), arm
+        yaw_rad, pitch_rad, roll_rad = np.deg2rad(
+            [view.yaw_deg, view.pitch_deg, view.roll_deg]
+        ).tolist()
+        how: tuple[Line, Direction] = ("sensor_x", "up")
+        if self.line is not None:
+            how = "vertical", self.line.direction
+        T_world_view = aimed_view(
+            view.aim_mm, view.distance_mm, yaw_rad, pitch_rad, roll_rad, profiles, step_mm, *how
+        )
+        return T_world_view, self.arm
+
+    def _travel(self, T_world_view: RigidTransform) -> FloatArray:
+        """(3,) direction of the motion in the frame of a view at a commanded pose."""
+        if self.line is None:
+            return ALONG_X
+        return travel_of(T_world_view, "vertical", self.line.direction)
 
 
 def relabelled(pose: PrintedPose, labels: RotationLabels) -> tuple[Vector, Vector]:
@@ -112,7 +162,7 @@ def view_spec(experiment: Experiment, name: str, file: Path) -> ViewSpec:
     """Follow a view to the aimed view that it hangs on, in the order from there to here."""
     steps: list[PoseStep | ArmStep] = []
     seen = [name]
-    while not isinstance(view := experiment.views[seen[-1]], AimedView):
+    while not isinstance(view := experiment.views[seen[-1]], AimedView | StartView):
         key = ("views", seen[-1])
         step: PoseStep | ArmStep
         if isinstance(view, NextView):
@@ -134,7 +184,20 @@ def view_spec(experiment: Experiment, name: str, file: Path) -> ViewSpec:
             raise ConfigError(file, (*key, field), f"goes in a circle: {chain}")
         steps.insert(0, step)
         seen.append(other)
-    return ViewSpec(name, view, tuple(steps))
+    line = vertical_line(experiment.scan)
+    if line is not None and line.end_mm is not None and any(type(s) is PoseStep for s in steps):
+        message = "gives a pose whose height is not that of scan.low_mm or high_mm; leave those out"
+        raise ConfigError(file, ("views", name), message)
+    if isinstance(view, StartView) and experiment.arm is None:
+        raise ConfigError(file, ("views", seen[-1]), "gives joints, and `arm` names no arm")
+    return ViewSpec(name, view, tuple(steps), line=line)
+
+
+def vertical_line(scan: ScanLine) -> VerticalLine | None:
+    """The vertical line that a config asks for, or None."""
+    if scan.line == "sensor_x":
+        return None
+    return VerticalLine(scan.direction, scan.low_mm if scan.direction == "up" else scan.high_mm)
 
 
 def _placing(experiment: Experiment, name: str, pair_name: str, file: Path) -> tuple[str, PoseStep]:

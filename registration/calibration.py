@@ -93,8 +93,9 @@ class Calibration:
 
     def slopes(self, scan: Scan) -> FloatArray:
         """(profiles, pixels) slope of each beam, Y over depth from the apex."""
-        reach_mm = scan.points_mm[..., 2] - self.apex_mm[2]
-        slope: FloatArray = (scan.points_mm[..., 1] - self.apex_mm[1]) / reach_mm
+        points_mm = scan.in_profiles_mm
+        reach_mm = points_mm[..., 2] - self.apex_mm[2]
+        slope: FloatArray = (points_mm[..., 1] - self.apex_mm[1]) / reach_mm
         return slope
 
     def correct(self, scan: Scan) -> Scan:
@@ -105,7 +106,7 @@ class Calibration:
         """
         slope = self.slopes(scan)
         cos_incidence = self._cos_incidence(scan, slope)
-        bias_mm = self.bias_mm(scan.points_mm[..., 2], slope, cos_incidence)
+        bias_mm = self.bias_mm(scan.in_profiles_mm[..., 2], slope, cos_incidence)
         points_mm = scan.points_mm.copy()
         points_mm[..., 1] -= slope * bias_mm
         points_mm[..., 2] -= bias_mm
@@ -119,7 +120,7 @@ class Calibration:
         """
         slope = self.slopes(scan)
         tangent = _tangent(self._cos_incidence(scan, slope))
-        return self.sigma.value(scan.points_mm[..., 2], tangent)
+        return self.sigma.value(scan.in_profiles_mm[..., 2], tangent)
 
     def _cos_incidence(self, scan: Scan, slope: FloatArray) -> FloatArray:
         """Between each beam and the true surface, as the points around it tell.
@@ -130,8 +131,9 @@ class Calibration:
         about the apex would, and points of different places are never mixed.
         """
         planes = local_planes(scan.points_mm)
-        y_mm = scan.points_mm[..., 1] - self.apex_mm[1]
-        reach_mm = scan.points_mm[..., 2] - self.apex_mm[2]
+        points_mm = scan.in_profiles_mm
+        y_mm = points_mm[..., 1] - self.apex_mm[1]
+        reach_mm = points_mm[..., 2] - self.apex_mm[2]
         # A fitted slope is that of a chord: sqrt(2) of the spread to both sides, for a disc.
         half_mm = np.maximum(np.sqrt(2.0) * planes.spread_mm, 0.1)
         across = planes.across

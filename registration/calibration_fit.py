@@ -118,8 +118,8 @@ def beam_apex_mm(scans: Sequence[Scan]) -> FloatArray:
     Every pixel's points lie on its beam, whatever the error of the depth; the apex is the point
     with the least sum of squared distances from these lines along Y.
     """
-    y_mm = np.concatenate([scan.points_mm[..., 1] for scan in scans])
-    z_mm = np.concatenate([scan.points_mm[..., 2] for scan in scans])
+    points_mm = np.concatenate([scan.in_profiles_mm for scan in scans])
+    y_mm, z_mm = points_mm[..., 1], points_mm[..., 2]
     valid = np.isfinite(z_mm)
     count = valid.sum(axis=0)
     usable = count >= 2
@@ -145,10 +145,14 @@ def _samples(targets: Sequence[TargetScan], apex_mm: FloatArray) -> tuple[_Sampl
     """
     columns, middles_mm = [], []
     for target in targets:
-        points_mm = target.scan.points_mm[target.scan.valid]
+        valid = target.scan.valid
+        points_mm = target.scan.in_profiles_mm[valid]
         reach_mm = points_mm[:, 2] - apex_mm[2]
         slope = (points_mm[:, 1] - apex_mm[1]) / reach_mm
-        apexes = target.normal[0] * points_mm[:, 0] + target.normal[1:] @ apex_mm[1:]
+        origins_mm = target.scan.origins_mm[np.nonzero(valid)[0]]
+        apexes = (
+            origins_mm + [1.0, 0.0, 0.0] * points_mm + apex_mm * [0.0, 1.0, 1.0]
+        ) @ target.normal
         ahead = target.normal[1] * slope + target.normal[2]
         true_mm = (target.offset_mm - apexes) / ahead
         cosine = np.abs(ahead) / np.sqrt(1.0 + slope**2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -10,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from sensors import f3
 from sensors.f3 import FloatArray
-from sensors.paths import ViewPath, straight_line
+from sensors.paths import ALONG_X, LineError, ViewPath, straight_line
 
 TOOL_CENTRE_POINT = RigidTransform.from_translation([0.0, 0.0, 210.0])
 """T_flange_sensor as the controller believes it, section 3.3."""
@@ -18,7 +19,7 @@ TOOL_CENTRE_POINT = RigidTransform.from_translation([0.0, 0.0, 210.0])
 Vector = tuple[float, float, float]
 
 
-class ReachError(ValueError):
+class ReachError(LineError):
     """The arm cannot follow a viewing line; the message names joint, value and limit."""
 
 
@@ -114,17 +115,19 @@ def viewing_line(
     step_mm: float,
     params: ArmParams,
     seed: int | None = None,
+    travel: FloatArray = ALONG_X,
 ) -> ArmPath:
-    """Drive the sensor along its own X in steps of XSTEP, as appendix B does.
+    """Drive the sensor along a straight line in steps of XSTEP, as appendix B does.
 
-    T_world_view: commanded pose of the first profile. seed: draws where within a count of its
+    T_world_view: commanded pose of the first profile. travel: (3,) unit vector of the sensor frame
+    along which to move. seed: draws where within a count of its
     encoder each joint comes to rest at every profile; None lets it rest in the middle. The joints
     are solved in closed form and rounded to encoder counts; of all ways to hold the arm and all
     positions on the track, the line keeps the one that stays farthest from every limit. Raises
     ReachError. The last lines are remembered.
     """
     place = tuple(T_world_view.as_matrix().ravel().tolist())
-    return _line(place, profiles, step_mm, params, seed)
+    return _line(place, profiles, step_mm, params, seed, tuple(travel.tolist()))
 
 
 @lru_cache(maxsize=64)
@@ -134,9 +137,12 @@ def _line(
     step_mm: float,
     params: ArmParams,
     seed: int | None,
+    along: Vector,
 ) -> ArmPath:
     T_world_view = RigidTransform.from_matrix(np.reshape(place, (4, 4)))
-    T_world_commanded = straight_line(T_world_view, profiles, step_mm).T_world_profile
+    travel = np.array(along)
+    travel.setflags(write=False)
+    T_world_commanded = straight_line(T_world_view, profiles, step_mm, travel).T_world_profile
     joints = solve_joints(T_world_commanded, params)
     counts = f3.to_pulses(joints)
     counts.setflags(write=False)
@@ -152,6 +158,7 @@ def _line(
         T_world_commanded,
         encoder_poses(counts, params),
         counts,
+        travel=travel,
     )
 
 
@@ -161,6 +168,16 @@ def encoder_poses(
     """World poses (profiles,) that encoder counts (profiles, 7) give with the nominal bracket."""
     flange = f3.flange_by_controller(f3.from_pulses(counts))
     return params.T_world_base * flange * TOOL_CENTRE_POINT
+
+
+def start_view(joints_deg: Sequence[float], track_mm: float, params: ArmParams) -> RigidTransform:
+    """The pose in which six joints hold the sensor at a place on the track, in whole counts.
+
+    Raises ReachError beyond a limit.
+    """
+    joints = np.array([track_mm, *np.deg2rad(joints_deg)])
+    _check_limits(joints[None], np.zeros(1))
+    return encoder_poses(f3.to_pulses(joints)[None], params)[0]
 
 
 def next_view(

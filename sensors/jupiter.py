@@ -96,18 +96,19 @@ class Jupiter:
         points_mm = in_profile @ T_view_profile.rotation.as_matrix().transpose(0, 2, 1)
         points_mm += T_view_profile.translation[:, None, :]
         normal = path.T_world_view.rotation.inv().apply(ray_target(scene).normal)[surface]
-        return Hits(points_mm, surface, normal)
+        return Hits(points_mm, surface, normal, T_view_profile.translation)
 
     def scan(self, scene: Scene, path: ViewPath, rng: np.random.Generator) -> Scan:
         """Scan a view, with the effects of the parameters.
 
-        The profiles are put together as the controller would: profile k at x = k step_mm, wherever
-        the sensor really was. Intensity is 0 to 255, 0 where nothing was measured.
+        The profiles are put together as the controller would: profile k at k step_mm along the
+        commanded motion, wherever the sensor really was. Intensity is 0 to 255, 0 where nothing was
+        measured.
         """
         reach_mm, intensity = self._measure(scene, path, rng)
         points_mm = self._points(reach_mm)
-        points_mm[..., 0] += path.step_mm * np.arange(path.profiles)[:, None]
-        return Scan.from_points(points_mm, path.step_mm, intensity, self.apex_mm)
+        points_mm += path.origins_mm[:, None]
+        return Scan.from_points(points_mm, path.step_mm, intensity, travel=path.travel)
 
     def in_field(self, points_mm: FloatArray) -> BoolArray:
         """Whether Y and Z of points (n, 3) in the sensor frame lie in the field and the range."""

@@ -36,8 +36,9 @@ def seen(
     profile, x_mm = _nearest_profile(path, points_mm)
     local_mm = path.T_world_profile[profile].inv().apply(points_mm)
     # Between profiles the field has no gaps, however unevenly the sensor stepped.
-    beyond = (profile == 0) & (x_mm < -0.5 * path.step_mm)
-    beyond |= (profile == path.profiles - 1) & (x_mm > 0.5 * path.step_mm)
+    steps = x_mm / (path.step_mm * path.travel[0])
+    beyond = (profile == 0) & (steps < -0.5)
+    beyond |= (profile == path.profiles - 1) & (steps > 0.5)
     inside: BoolArray = ~beyond & sensor.in_field(local_mm)
     chosen = np.flatnonzero(inside)
     chosen = chosen[np.argsort(profile[chosen], kind="stable")]

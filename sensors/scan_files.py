@@ -9,22 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from registration.scan import Scan, ScanError
+from registration.scan import FloatArray, Scan, ScanError
 from sensors import threedx
-from sensors.threedx import ThreeDxError
+from sensors.paths import ALONG_X
+from sensors.threedx_layout import ThreeDxError
 
-ARRAYS = ("points_mm", "step_mm", "intensity", "apex_mm")
+ARRAYS = ("points_mm", "step_mm", "intensity", "apex_mm", "travel")
 
 
 class ScanFileError(ValueError):
     """A file that holds no scan; the message names it and what is wrong."""
 
 
-def read_scan(path: Path, step_mm: float | None) -> Scan:
+def read_scan(path: Path, step_mm: float | None, travel: FloatArray | None = None) -> Scan:
     """Read a .3dx file, or an .npz file with points_mm (profiles, pixels, 3), NaN = no return.
 
-    step_mm: between profiles along X. A .3dx file does not hold it; an .npz file may, as `step_mm`,
-    beside `intensity` and `apex_mm` as of Scan, and it is taken from there when None is given.
+    step_mm, travel: of the motion between profiles, as of Scan. A .3dx file does not hold them; an
+    .npz file may, by these names, beside `intensity` and `apex_mm`, and they are taken from there
+    when None is given. Without any travel the sensor moved along its own X.
     Raises ScanFileError.
     """
     if path.is_dir():
@@ -34,7 +36,7 @@ def read_scan(path: Path, step_mm: float | None) -> Scan:
         known = ", ".join(READERS)
         raise ScanFileError(f"{path}: {path.suffix or 'no ending'} is not read; known are {known}")
     try:
-        return reader(path, step_mm)
+        return reader(path, step_mm, travel)
     except OSError as error:
         raise ScanFileError(f"{path}: {error.strerror or 'cannot be read'}") from None
     except ThreeDxError as error:
@@ -43,16 +45,16 @@ def read_scan(path: Path, step_mm: float | None) -> Scan:
         raise ScanFileError(f"{path}: {error}") from None
 
 
-def _read_threedx(path: Path, step_mm: float | None) -> Scan:
+def _read_threedx(path: Path, step_mm: float | None, travel: FloatArray | None) -> Scan:
     raw = threedx.read(path)
     if step_mm is None:
         raise ScanFileError(
             f"{path}: the file does not hold the step between profiles; give it, as --step"
         )
-    return threedx.to_scan(raw, step_mm)
+    return threedx.to_scan(raw, step_mm, ALONG_X if travel is None else travel)
 
 
-def _read_npz(path: Path, step_mm: float | None) -> Scan:
+def _read_npz(path: Path, step_mm: float | None, travel: FloatArray | None) -> Scan:
     arrays = _load_npz(path)
     unknown = [name for name in arrays if name not in ARRAYS]
     if unknown:
@@ -66,7 +68,11 @@ def _read_npz(path: Path, step_mm: float | None) -> Scan:
             raise ScanFileError(f"{path}: step_mm should be one number")
         step_mm = float(arrays["step_mm"])
     return Scan.from_points(
-        arrays["points_mm"], step_mm, arrays.get("intensity"), arrays.get("apex_mm")
+        arrays["points_mm"],
+        step_mm,
+        arrays.get("intensity"),
+        arrays.get("apex_mm"),
+        arrays.get("travel", ALONG_X) if travel is None else travel,
     )
 
 
@@ -79,7 +85,7 @@ def _load_npz(path: Path) -> dict[str, Any]:
         raise ScanFileError(f"{path}: is no .npz file of plain arrays") from None
 
 
-READERS: dict[str, Callable[[Path, float | None], Scan]] = {
+READERS: dict[str, Callable[[Path, float | None, FloatArray | None], Scan]] = {
     ".3dx": _read_threedx,
     ".npz": _read_npz,
 }

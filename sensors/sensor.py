@@ -21,11 +21,13 @@ class Hits:
     surface: (profiles, pixels) index into the scene's surfaces, -1 where nothing returns.
     normal: (profiles, pixels, 3) of that surface in the view frame, out of the object and so
         towards the sensor; NaN where nothing returns.
+    origins_mm: (profiles, 3) where the sensor was, in the view frame.
     """
 
     points_mm: FloatArray
     surface: IntArray
     normal: FloatArray
+    origins_mm: FloatArray
 
     @property
     def valid(self) -> NDArray[np.bool_]:

@@ -15,35 +15,35 @@ The thesis does not explain unit, content and direction; they are kept and not i
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from registration.scan import Scan
+from registration.scan import FloatArray, Scan
+from sensors.threedx_layout import (
+    MAGIC,
+    NARROW,
+    PROFILE_HEAD,
+    WIDE,
+    Layout,
+    ThreeDxError,
+    find_layout,
+    fitting,
+)
 
-MAGIC = b"SRI3DX"
 NO_MEASUREMENT = -32768
-JUPITER_PIXELS = (256, 512)
 OFFSET_Y_TENTH_MM = -389  # (3-2)
 OFFSET_Z_TENTH_MM = 13896  # (3-3)
 X_TOLERANCE_MM = 0.05  # half of what the file could resolve, had it an X
 
-_WIDE = struct.Struct("<6sB5H4HHHB")
-_NARROW = struct.Struct("<6sB5H4BHHB")
-_PROFILE_HEAD = struct.Struct("<HB")
 _ARRAYS = {"y_tenth_mm": "<i2", "z_tenth_mm": "<i2", "intensity": "u1", "direction": "u1"}
-_PIXEL = np.dtype([("y", "<i2"), ("z", "<i2"), ("intensity", "u1")])
 
 Shorts = NDArray[np.int16]
 Bytes = NDArray[np.uint8]
-
-
-class ThreeDxError(ValueError):
-    """The bytes are no .3dx file, or a scan cannot be stored as one; the message says where."""
 
 
 @dataclass(frozen=True)
@@ -67,24 +67,6 @@ class RawProfiles:
     unit: int = 1
     content: int = 0
     narrow: bool = False
-
-
-@dataclass(frozen=True)
-class _Layout:
-    header: struct.Struct
-    profiles: int
-    pixels: int
-
-    @property
-    def profile_bytes(self) -> int:
-        return _PROFILE_HEAD.size + self.pixels * _PIXEL.itemsize
-
-    @property
-    def end(self) -> int:
-        return self.header.size + self.profiles * self.profile_bytes
-
-    def table_dtype(self) -> np.dtype[np.void]:
-        return np.dtype([("pixels", "<u2"), ("direction", "u1"), ("pixel", _PIXEL, (self.pixels,))])
 
 
 def read(path: str | PathLike[str]) -> RawProfiles:
@@ -111,7 +93,7 @@ def decode(stream: BinaryIO) -> RawProfiles:
     """
     size = stream.seek(0, 2)
     stream.seek(0)
-    layout, head = _layout(stream, size)
+    layout, head = find_layout(stream, size)
     stream.seek(layout.header.size)
     data = stream.read(layout.end - layout.header.size)
     if layout.header.size + len(data) != layout.end:  # somebody is writing the file
@@ -138,7 +120,7 @@ def decode(stream: BinaryIO) -> RawProfiles:
         winuser_version=fields[7:11],
         unit=fields[12],
         content=fields[13],
-        narrow=layout.header is _NARROW,
+        narrow=layout.header is NARROW,
     )
 
 
@@ -156,7 +138,7 @@ def encode(raw: RawProfiles) -> bytes:
         raise ThreeDxError(f"direction has shape {raw.direction.shape}; expected {shape[:1]}")
     for name, field in _ARRAYS.items():
         _check_range(name, getattr(raw, name), np.iinfo(field))
-    layout = _Layout(_NARROW if raw.narrow else _WIDE, *shape)
+    layout = Layout(NARROW if raw.narrow else WIDE, *shape)
     table = np.zeros(shape[0], layout.table_dtype())
     table["pixels"] = layout.pixels
     table["direction"] = raw.direction
@@ -176,7 +158,7 @@ def encode(raw: RawProfiles) -> bytes:
     except struct.error as error:
         raise ThreeDxError(f"a number of the header does not fit its field: {error}") from None
     data = head + table.tobytes()
-    if raw.narrow and _fitting(data[: _WIDE.size + _PROFILE_HEAD.size], len(data), _WIDE):
+    if raw.narrow and fitting(data[: WIDE.size + PROFILE_HEAD.size], len(data), WIDE):
         raise ThreeDxError("this narrow header would be read back as a wide one; write a wide one")
     return data
 
@@ -191,40 +173,51 @@ def _check_range(name: str, values: NDArray[Any], field: np.iinfo[Any]) -> None:
         raise ThreeDxError(f"{found}; its field holds {field.min} to {field.max}")
 
 
-def to_scan(raw: RawProfiles, step_mm: float) -> Scan:
+def to_scan(raw: RawProfiles, step_mm: float, travel: ArrayLike = (1.0, 0.0, 0.0)) -> Scan:
     """Return the profiles as a scan in the sensor frame, by (3-2) and (3-3).
 
-    step_mm: distance along X between profiles (XSTEP), which the file does not hold. The scan's
-    intensity is 0 to 255. Raises ScanError for a bad step.
+    step_mm, travel: distance between profiles (XSTEP) and the direction of the motion in the sensor
+    frame, as of Scan; the file holds neither. The scan's intensity is 0 to 255. Raises ScanError
+    for a bad step or direction.
     """
     y_raw, z_raw = raw.y_tenth_mm.astype(np.float64), raw.z_tenth_mm.astype(np.float64)
     points_mm = np.empty((*y_raw.shape, 3))
-    points_mm[..., 0] = step_mm * np.arange(y_raw.shape[0])[:, None]
+    points_mm[..., 0] = 0.0
     # Tenths are subtracted before the division, so that every value is the double nearest to it.
     points_mm[..., 1] = (OFFSET_Y_TENTH_MM - y_raw) / 10.0
     points_mm[..., 2] = (OFFSET_Z_TENTH_MM - z_raw) / 10.0
     points_mm[(y_raw == NO_MEASUREMENT) | (z_raw == NO_MEASUREMENT)] = np.nan
-    return Scan.from_points(points_mm, step_mm, intensity=raw.intensity)
+    scan = Scan.from_points(points_mm, step_mm, intensity=raw.intensity, travel=travel)
+    placed_mm = points_mm + scan.origins_mm[:, None]
+    placed_mm.setflags(write=False)
+    return replace(scan, points_mm=placed_mm)
 
 
-def from_scan(scan: Scan) -> RawProfiles:
+def from_scan(scan: Scan, like: RawProfiles | None = None) -> RawProfiles:
     """Return a scan as a file holds it, rounded to 0.1 mm, by (3-2) and (3-3).
 
-    Without intensity, 0 is written. Raises ThreeDxError where a point lies beyond the 16 bits, an
-    intensity beyond 0 to 255, or a profile not at its multiple of step_mm (a file has no X).
+    like: the file that the scan was read from; its versions, unit, content and directions, which a
+    scan has no place for, are kept. Without intensity, 0 is written. Raises ThreeDxError where a
+    point lies beyond the 16 bits, an intensity beyond 0 to 255, a profile not at its multiple of
+    the step (a file has no X), or where like has another number of profiles.
     """
     valid = scan.valid
     profiles, pixels = valid.shape
-    planned_mm = scan.step_mm * np.arange(profiles)[:, None]
-    off_plane = valid & (np.abs(scan.points_mm[..., 0] - planned_mm) > X_TOLERANCE_MM)
+    if like is not None and len(like.direction) != profiles:
+        raise ThreeDxError(
+            f"the file to be like has {len(like.direction)} profiles; the scan has {profiles}"
+        )
+    in_profiles_mm = scan.in_profiles_mm
+    off_plane = valid & (np.abs(in_profiles_mm[..., 0]) > X_TOLERANCE_MM)
     if off_plane.any():
         k, i = np.argwhere(off_plane)[0]
         raise ThreeDxError(
             f"profile {k}, pixel {i} has x = {scan.points_mm[k, i, 0]:.3f} mm; a .3dx file holds "
-            f"no x, so every point must lie at profile * step_mm = {planned_mm[k, 0]:.3f} mm"
+            "no x, so every point must lie where the step and the motion put its profile, at "
+            f"{scan.origins_mm[k, 0]:.3f} mm"
         )
-    y_raw = _tenths(OFFSET_Y_TENTH_MM, scan.points_mm[..., 1], valid, "y")
-    z_raw = _tenths(OFFSET_Z_TENTH_MM, scan.points_mm[..., 2], valid, "z")
+    y_raw = _tenths(OFFSET_Y_TENTH_MM, in_profiles_mm[..., 1], valid, "y")
+    z_raw = _tenths(OFFSET_Z_TENTH_MM, in_profiles_mm[..., 2], valid, "z")
     brightness = np.zeros((profiles, pixels), np.uint8)
     if scan.intensity is not None:
         level = np.rint(np.nan_to_num(scan.intensity, nan=0.0))
@@ -234,12 +227,12 @@ def from_scan(scan: Scan) -> RawProfiles:
                 f"profile {k}, pixel {i} has intensity {scan.intensity[k, i]:g}; expected 0 to 255"
             )
         brightness = level.astype(np.uint8)
+    if like is not None:
+        return replace(like, y_tenth_mm=y_raw, z_tenth_mm=z_raw, intensity=brightness)
     return RawProfiles(y_raw, z_raw, brightness, np.zeros(profiles, np.uint8))
 
 
-def _tenths(
-    offset: int, values_mm: NDArray[np.float64], valid: NDArray[np.bool_], axis: str
-) -> Shorts:
+def _tenths(offset: int, values_mm: FloatArray, valid: NDArray[np.bool_], axis: str) -> Shorts:
     raw = offset - np.rint(np.where(valid, values_mm, 0.0) * 10.0)
     beyond = valid & (np.abs(raw) > 32767)
     if beyond.any():
@@ -249,50 +242,3 @@ def _tenths(
             f"{(offset - 32767) / 10:g} to {(offset + 32767) / 10:g} mm"
         )
     return np.where(valid, raw, NO_MEASUREMENT).astype(np.int16)
-
-
-def _layout(stream: BinaryIO, size: int) -> tuple[_Layout, bytes]:
-    """Find the header's width by the size of the file; return it with the first bytes."""
-    head = stream.read(_WIDE.size + _PROFILE_HEAD.size)
-    if head[: len(MAGIC)] != MAGIC[: len(head)]:
-        raise ThreeDxError(f'offset 0: {head[: len(MAGIC)]!r}; a .3dx file starts with "SRI3DX"')
-    least = _NARROW.size + _PROFILE_HEAD.size + _PIXEL.itemsize
-    if size < least:
-        raise ThreeDxError(
-            f"offset {size}: the file ends after {size} bytes; the shortest has {least}"
-        )
-    for header in (_WIDE, _NARROW):
-        if layout := _fitting(head, size, header):
-            return layout, head
-    raise ThreeDxError(_misfit(head, size))
-
-
-def _announced(head: bytes, header: struct.Struct) -> _Layout | None:
-    if len(head) < header.size + _PROFILE_HEAD.size:
-        return None
-    return _Layout(
-        header, header.unpack_from(head)[11], _PROFILE_HEAD.unpack_from(head, header.size)[0]
-    )
-
-
-def _fitting(head: bytes, size: int, header: struct.Struct) -> _Layout | None:
-    layout = _announced(head, header)
-    return layout if layout and layout.profiles and layout.pixels and layout.end == size else None
-
-
-def _misfit(head: bytes, size: int) -> str:
-    """Say what is wrong, by the wide reading unless only the narrow one has a Jupiter's pixels."""
-    readings = [r for h in (_WIDE, _NARROW) if (r := _announced(head, h))]
-    best = next((r for r in readings if r.pixels in JUPITER_PIXELS), readings[0])
-    at_profiles, at_pixels = best.header.size - 5, best.header.size
-    if not best.profiles:
-        return f"offset {at_profiles}: 0 profiles; expected 1 to 65535"
-    if not best.pixels:
-        return f"offset {at_pixels}: profile 0 has 0 pixels; expected 1 to 65535"
-    announced = (
-        f"{best.profiles} profiles (offset {at_profiles}) of {best.pixels} pixels "
-        f"(offset {at_pixels}) end at {best.end}"
-    )
-    if size < best.end:
-        return f"offset {size}: the file ends here, but the announced {announced}"
-    return f"offset {best.end}: the announced {announced}, but the file has {size} bytes"

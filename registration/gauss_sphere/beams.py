@@ -22,7 +22,7 @@ MIN_SIGMA_MM = 0.02
 
 
 class Fan(NamedTuple):
-    """The beams of one view.
+    """The beams of one view, each in the frame of its own profile.
 
     x_mm: (profiles,) position of each profile; apex_mm: (3,) of the first profile, its x included
         in x_mm.
@@ -30,6 +30,9 @@ class Fan(NamedTuple):
     depth_mm: (profiles, pixels) z - apex_z, NaN where nothing returned.
     sigma_mm: (profiles, pixels) standard deviation of the depth along the beam.
     column_slope: (pixels,) the slope of each pixel, increasing or decreasing, NaN if never seen.
+    lean: (2,) Y and Z by which the sensor moved for every mm along X; 0 where X is its motion. The
+        point (x, slope depth, depth) of a beam, from the apex of its profile, lies in the scan's
+        frame at lean x more along Y and Z: a shear, which keeps planes plane.
     """
 
     x_mm: FloatArray
@@ -38,6 +41,7 @@ class Fan(NamedTuple):
     depth_mm: FloatArray
     sigma_mm: FloatArray
     column_slope: FloatArray
+    lean: FloatArray
 
 
 def fan_of(scan: Scan) -> Fan:
@@ -45,12 +49,13 @@ def fan_of(scan: Scan) -> Fan:
     apex_mm = estimate_apex(scan) if scan.apex_mm is None else scan.apex_mm
     n_profiles, n_pixels, _ = scan.points_mm.shape
     fan = Fan(
-        x_mm=apex_mm[0] + scan.step_mm * np.arange(n_profiles, dtype=np.float64),
+        x_mm=apex_mm[0] + scan.origins_mm[:, 0],
         apex_mm=np.array(apex_mm),
         slope=np.zeros((n_profiles, n_pixels)),
         depth_mm=np.full((n_profiles, n_pixels), np.nan),
         sigma_mm=np.zeros((n_profiles, n_pixels)),
         column_slope=np.full(n_pixels, np.nan),
+        lean=scan.travel[1:] / scan.travel[0],
     )
     _take_beams(scan.points_mm, fan)
     constant, square = depth_noise(fan.depth_mm, fan.slope)
@@ -64,9 +69,10 @@ def _take_beams(points: FloatArray, fan: Fan) -> None:
     for p in range(points.shape[0]):
         x, n = 0.0, 0
         for u in range(points.shape[1]):
-            depth = points[p, u, 2] - fan.apex_mm[2]
+            depth = points[p, u, 2] - fan.lean[1] * points[p, u, 0] - fan.apex_mm[2]
             if depth > 0.0:
-                slope = (points[p, u, 1] - fan.apex_mm[1]) / depth
+                aside = points[p, u, 1] - fan.lean[0] * points[p, u, 0] - fan.apex_mm[1]
+                slope = aside / depth
                 fan.depth_mm[p, u] = depth
                 fan.slope[p, u] = slope
                 x += points[p, u, 0]
@@ -94,8 +100,9 @@ def estimate_apex(scan: Scan) -> FloatArray:
     A pixel's points satisfy y = apex_y + s (z - apex_z) in all profiles; the intercepts of these
     lines over their slopes give the apex. Scans too flat to tell get nearly parallel beams.
     """
-    y = np.where(scan.valid, scan.points_mm[..., 1], 0.0)
-    z = np.where(scan.valid, scan.points_mm[..., 2], 0.0)
+    points_mm = scan.in_profiles_mm
+    y = np.where(scan.valid, points_mm[..., 1], 0.0)
+    z = np.where(scan.valid, points_mm[..., 2], 0.0)
     n = scan.valid.sum(axis=0)
     used = n >= 3
     n_safe = np.maximum(n, 1)
@@ -112,7 +119,7 @@ def estimate_apex(scan: Scan) -> FloatArray:
     design = np.stack([np.ones_like(slope), -slope], axis=1)
     rhs = mean_y[used] - slope * mean_z[used]
     solution, _, rank, _ = np.linalg.lstsq(design * weight[:, None], rhs * weight, rcond=1e-6)
-    if rank < 2 or solution[1] >= np.nanmin(scan.points_mm[..., 2]):
+    if rank < 2 or solution[1] >= np.nanmin(points_mm[..., 2]):
         return parallel
     return np.array([0.0, solution[0], solution[1]])
 

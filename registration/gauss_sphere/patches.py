@@ -110,7 +110,7 @@ def _fit_planes(fan: Fan, gate: float, rounds: int, patches: Patches) -> None:
     for i in range(n_patches):
         a, b = starts[i], starts[i + 1]
         if b - a >= 4:
-            _fit_plane(beams[:, a:b], gate, rounds, area_per_beam, patches, i, kept[a:b])
+            _fit_plane(beams[:, a:b], fan.lean, gate, rounds, area_per_beam, patches, i, kept[a:b])
         else:
             kept[a:b] = False
     for j in range(starts[-1]):
@@ -130,8 +130,10 @@ def _beam_area(fan: Fan) -> float:
 
 
 @compiled
-def _first_plane(beams: FloatArray, plane: FloatArray) -> None:
+def _first_plane(beams: FloatArray, lean: FloatArray, plane: FloatArray) -> None:
     """Least squares of q = A + B s + C (x - x0) q, q the inverse depth, x0 the mean x.
+
+    That is in the coordinates of the profiles; the plane is then sheared into the scan's frame.
 
     plane: (4,) out, unit normal towards the sensor and offset.
     """
@@ -151,15 +153,17 @@ def _first_plane(beams: FloatArray, plane: FloatArray) -> None:
         g[1, 3] += w * s * q
         g[2, 3] += w * v * q
     solve_symmetric3(g, solution)
-    # 1 = A z + B y + C (x - x0)
-    size = np.sqrt(solution[0] ** 2 + solution[1] ** 2 + solution[2] ** 2)
-    plane[0], plane[1], plane[2] = -solution[2] / size, -solution[1] / size, -solution[0] / size
+    # 1 = A (z - lean_z x) + B (y - lean_y x) + C (x - x0)
+    across = solution[2] - lean[0] * solution[1] - lean[1] * solution[0]
+    size = np.sqrt(solution[0] ** 2 + solution[1] ** 2 + across**2)
+    plane[0], plane[1], plane[2] = -across / size, -solution[1] / size, -solution[0] / size
     plane[3] = -(1.0 + solution[2] * x0) / size
 
 
 @compiled
 def _fit_plane(
     beams: FloatArray,
+    lean: FloatArray,
     gate: float,
     rounds: int,
     area_per_beam: float,
@@ -171,13 +175,15 @@ def _fit_plane(
     n = beams.shape[1]
     plane, g, step = np.zeros(4), np.zeros((3, 4)), np.zeros(3)
     moments = np.zeros(8)
-    _first_plane(beams, plane)
+    _first_plane(beams, lean, plane)
     mean_x, mean_y, mean_z = beams[0].mean(), (beams[1] * beams[2]).mean(), beams[2].mean()
+    mean_y, mean_z = mean_y + lean[0] * mean_x, mean_z + lean[1] * mean_x
     centre, e, f = out.centroid_mm[i], out.basis[i, 0], out.basis[i, 1]
     # The first tangent across the line of motion, the second along it: turned at the end.
     e[0], e[1], e[2] = 0.0, -plane[2], plane[1]
     for _ in range(rounds):
         n0, n1, n2 = plane[0], plane[1], plane[2]
+        n_travel = n0 + n1 * lean[0] + n2 * lean[1]
         away = plane[3] - (n0 * mean_x + n1 * mean_y + n2 * mean_z)
         centre[0], centre[1], centre[2] = mean_x + away * n0, mean_y + away * n1, mean_z + away * n2
         along = e[0] * n0 + e[1] * n1 + e[2] * n2
@@ -190,13 +196,14 @@ def _fit_plane(
         for j in range(n):
             x, s, d = beams[0, j], beams[1, j], beams[2, j]
             nb = n1 * s + n2
-            residual = n0 * x + nb * d - plane[3]
+            residual = n_travel * x + nb * d - plane[3]
             deviation = beams[3, j] * abs(nb)
             kept[j] = nb < 0.0 and abs(residual) <= gate * deviation
             if not kept[j]:
                 continue
             foot = d - residual / nb
-            v0, v1, v2 = x - centre[0], s * foot - centre[1], foot - centre[2]
+            v0 = x - centre[0]
+            v1, v2 = s * foot + lean[0] * x - centre[1], foot + lean[1] * x - centre[2]
             a = e[0] * v0 + e[1] * v1 + e[2] * v2
             b = f[0] * v0 + f[1] * v1 + f[2] * v2
             w = 1.0 / (deviation * deviation)

@@ -87,6 +87,7 @@ def _feet(
     normal = patches.normal[patch]
     origin = np.tile(fan.apex_mm, (slope.size, 1))
     origin[:, 0] = fan.x_mm[profile]
+    origin[:, 1:] += fan.x_mm[profile][:, None] * fan.lean
     along = normal[:, 1] * slope + normal[:, 2]
     depth = (patches.offset_mm[patch] - np.einsum("ij,ij->i", normal, origin)) / along
     points: FloatArray = origin + np.stack([np.zeros_like(depth), slope * depth, depth], axis=1)
@@ -180,6 +181,7 @@ def _compare(
     areas: FloatArray,
 ) -> None:
     x, apex, depth = seen_by.fan.x_mm, seen_by.fan.apex_mm, seen_by.fan.depth_mm
+    lean_y, lean_z = seen_by.fan.lean
     label, nearest = seen_by.patches.label, seen_by.nearest_mm
     normal, offset = seen_by.patches.normal, seen_by.patches.offset_mm
     source_normal = points_of.patches.normal
@@ -199,11 +201,13 @@ def _compare(
         wx = r[0, 0] * px + r[0, 1] * py + r[0, 2] * pz + t[0]
         wy = r[1, 0] * px + r[1, 1] * py + r[1, 2] * pz + t[1]
         wz = r[2, 0] * px + r[2, 1] * py + r[2, 2] * pz + t[2]
-        z = wz - apex[2]
+        z = wz - lean_z * wx - apex[2]  # as the profile through the point sees it
         row, pixel = -1, -1
         if z > 1.0 and step != 0.0:
             row = int(np.floor((wx - x[0]) / step + 0.5))
-            position = ((wy - apex[1]) / z - seen_by.slope_low) * seen_by.cells_per_slope
+            position = (
+                (wy - lean_y * wx - apex[1]) / z - seen_by.slope_low
+            ) * seen_by.cells_per_slope
             if 0.0 <= position < seen_by.pixel_of.size:
                 pixel = seen_by.pixel_of[int(position)]
         if row < 0 or row >= rows or pixel < 0:

@@ -83,7 +83,7 @@ def _featured(o3d: Any, scan: Scan, voxel_mm: float) -> tuple[Any, Any]:
     hybrid = o3d.geometry.KDTreeSearchParamHybrid
     cloud.estimate_normals(hybrid(NORMAL_CELLS * voxel_mm, NORMAL_NEIGHBOURS))
     sensor_mm = np.zeros(3) if scan.apex_mm is None else scan.apex_mm.copy()
-    sensor_mm[0] += 0.5 * scan.step_mm * (scan.points_mm.shape[0] - 1)
+    sensor_mm += 0.5 * scan.origins_mm[-1]  # half-way along
     cloud.orient_normals_towards_camera_location(sensor_mm)
     feature = o3d.pipelines.registration.compute_fpfh_feature(
         cloud, hybrid(FEATURE_CELLS * voxel_mm, FEATURE_NEIGHBOURS)

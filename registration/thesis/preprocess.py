@@ -22,7 +22,7 @@ def preprocess(scan: Scan, params: PreprocessParams) -> Scan:
         points[..., 2] = _median(
             points[..., 2], run, params.median_width // 2, params.median_across_gaps
         )
-    return Scan.from_points(points, scan.step_mm, scan.intensity, scan.apex_mm)
+    return Scan.from_points(points, scan.step_mm, scan.intensity, scan.apex_mm, scan.travel)
 
 
 def profile_runs(points_mm: FloatArray, gap_mm: float) -> IntArray:

@@ -84,7 +84,7 @@ def _normals_to_sensor(
     """(n, 3) perpendiculars within the laser plane, oriented towards the sensor."""
     normal = np.stack([np.zeros(len(direction)), direction[:, 2], -direction[:, 1]], axis=1)
     if scan.apex_mm is not None:
-        apex = scan.apex_mm[None] + profile[:, None] * np.array([scan.step_mm, 0.0, 0.0])
+        apex = scan.apex_mm + scan.origins_mm[profile]
         normal *= np.where(np.einsum("nj,nj->n", normal, apex - centroid_mm) < 0.0, -1.0, 1.0)[
             :, None
         ]
@@ -96,7 +96,7 @@ def _normals_to_sensor(
 
 def _sense_of_fan(scan: Scan) -> float:
     """1 when the beams turn towards growing Y from pixel to pixel, else -1."""
-    y, z = scan.points_mm[..., 1], scan.points_mm[..., 2]
+    _, y, z = np.moveaxis(scan.in_profiles_mm, 2, 0)
     usable = scan.valid & (z > 0.0)
     pixel = np.nonzero(usable)[1]
     if len(pixel) == 0:

@@ -45,7 +45,7 @@ def test_parts_are_connected_and_of_one_face() -> None:
 
 
 def test_true_segments_are_exact(desk_hits) -> None:
-    segments, _ = true_segments(desk_hits, STEP_MM, SENSOR.apex_mm, min_points=3)
+    segments, _ = true_segments(desk_hits, SENSOR.apex_mm, min_points=3)
     assert len(segments) > 100
     for i in range(0, len(segments), 17):
         k, a, b = segments.profile[i], segments.first[i], segments.last[i]
@@ -62,7 +62,7 @@ def test_true_segments_are_exact(desk_hits) -> None:
 
 
 def test_true_patches_are_exact(desk_hits) -> None:
-    patches = true_patches(desk_hits, STEP_MM, SENSOR.apex_mm, ThesisParams())
+    patches = true_patches(desk_hits, SENSOR.apex_mm, ThesisParams())
     outward = desk_hits.normal[desk_hits.valid]
     offsets = np.einsum("nj,nj->n", outward, desk_hits.points_mm[desk_hits.valid])
     planes = np.unique(np.round(np.column_stack([outward, offsets]), 6), axis=0)

@@ -28,7 +28,7 @@ def gaps_of(target: ViewPath, source: ViewPath, shared: bool = False) -> np.ndar
     if shared:
         both = common_points(SENSOR, SCENE, hits, paths)
         hits = only(hits[0], both.target), only(hits[1], both.source)
-    return centroid_gaps(*hits, exact_pose(*paths), STEP_MM, SENSOR.apex_mm, ThesisParams())
+    return centroid_gaps(*hits, exact_pose(*paths), SENSOR.apex_mm, ThesisParams())
 
 
 def test_a_view_and_itself_have_the_same_centroids() -> None:

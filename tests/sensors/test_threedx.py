@@ -15,7 +15,8 @@ from hypothesis.extra import numpy as hnp
 
 from registration.scan import Scan
 from sensors import threedx
-from sensors.threedx import RawProfiles, ThreeDxError
+from sensors.threedx import RawProfiles
+from sensors.threedx_layout import ThreeDxError
 
 
 def decode(data: bytes) -> RawProfiles:
