@@ -85,7 +85,7 @@ def run_all(session: Session, workers: int | None, redraw: bool, show: Show | No
     computed = [done.row for done in ended if done.task.keep]
     errors = [row for row in computed if row.status == "error"]
     undrawn = sum(bool(done.drawing_error) for done in ended)
-    answered = int((load(session.folder)["status"] == "ok").sum())
+    answered = int((load(session.folder, arrays=False)["status"] == "ok").sum())
     console.print(
         f"{len(computed)} trials computed, {planned.reused} reused; {answered} of "
         f"{len(session.trials)} answered, {len(errors)} errors; "
@@ -101,7 +101,9 @@ def dry_run(session: Session, workers: int | None) -> int:
     """Count the trials, show the first, time some; writes nothing."""
     console = make_console()
     workers = min(workers or available_cores(), len(session.trials))
-    console.print(f"{session.experiment.title}: {len(session.trials)} trials", markup=False)
+    points = {trial.point.number for trial in session.trials if trial.point is not None}
+    at = f" at {len(points)} points" if points else ""
+    console.print(f"{session.experiment.title}: {len(session.trials)} trials{at}", markup=False)
     for trial in session.trials[:REHEARSED]:
         console.print(f"  {trial.id}  {trial_name(trial)}", markup=False, soft_wrap=True)
     console.print("  ..." if len(session.trials) > REHEARSED else "", markup=False)
@@ -203,7 +205,7 @@ def tell_beyond_reach(console: Console, session: Session) -> None:
     """One line for each view that is scanned without the arm, as it cannot be reached."""
     if not isinstance(session.experiment, Experiment):
         return
-    for name, reason in beyond_reach(session.experiment, session.trials).items():
+    for name, reason in beyond_reach(session.experiment, session.base).items():
         console.print(
             f"View {name} is scanned from a straight line, without the arm: {reason}.",
             markup=False,
@@ -213,7 +215,7 @@ def tell_beyond_reach(console: Console, session: Session) -> None:
 
 def tell_no_overlap(console: Console, session: Session) -> None:
     """One line for each pair without an answer whose views share little or nothing."""
-    if not isinstance(session.experiment, Experiment):
+    if not isinstance(session.experiment, Experiment) or session.experiment.sweep is not None:
         return
     rows = load(session.folder)
     for name, group in rows[rows["given"] == ""].groupby("pair", sort=False):

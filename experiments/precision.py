@@ -14,12 +14,13 @@ import pandas as pd
 from pydantic import Field
 
 from harness.card import as_table, geometry_table
+from harness.choices import checked_params
 from harness.config import dump_yaml, overridden_mapping, validated
 from harness.config_errors import ConfigError, nearest
 from harness.provenance import code_fingerprint, run_facts
-from harness.schema import Angle, Choice, Length, ScanSize, Strict
+from harness.schema import Angle, Choice, Length, ScanSize
+from harness.strict import Strict
 from harness.table_files import Table, write_tables
-from harness.trials import checked_params
 from registration.calibration import Calibration
 from registration.calibration_fit import TargetScan, fit_calibration
 from registration.scan import FloatArray, Scan

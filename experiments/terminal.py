@@ -76,7 +76,8 @@ def reporting(console: Console, total: int) -> Iterator[Reporter]:
 def trial_name(trial: Trial) -> str:
     """A trial as a reader of the config knows it."""
     entered = f" with true {trial.spec.given.replace('_', ' ')}" if trial.spec.given else ""
-    return f"{trial.pair}, {trial.label}{entered}, repeat {trial.spec.repeat}"
+    at = f", {trial.point}" if trial.point is not None else ""
+    return f"{trial.pair}, {trial.label}{entered}, repeat {trial.spec.repeat}{at}"
 
 
 def outcome(row: Row) -> str:

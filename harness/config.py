@@ -13,6 +13,7 @@ import yaml
 from pydantic import ValidationError
 
 from harness.config_errors import ConfigError, Key, first_problem, nearest
+from harness.overrides import key_path, replaced
 from harness.random_schema import KIND, RandomPairsExperiment
 from harness.schema import Experiment, MethodChoice
 
@@ -51,7 +52,11 @@ def load_experiment(
     overrides: "dotted.key=value", the value in YAML, applied before anything is checked.
     seed: replaces the file's.
     """
-    data = overridden_mapping(path, overrides, seed)
+    return checked_experiment(overridden_mapping(path, overrides, seed), path)
+
+
+def checked_experiment(data: dict[str, Any], path: Path) -> Experiment | RandomPairsExperiment:
+    """What a file holds as an experiment; raises ConfigError."""
     if data.get("experiment") == KIND:
         random_pairs: RandomPairsExperiment = validated(RandomPairsExperiment, data, path)
         _check_labels(random_pairs.methods, path)
@@ -67,7 +72,7 @@ def overridden_mapping(
     """What a file holds after the overrides, as for load_experiment, unchecked otherwise."""
     data = read_mapping(path)
     for override in overrides:
-        _apply(data, override, path)
+        data = _overridden(data, override, path)
     if seed is not None:
         data["seed"] = seed
     return data
@@ -141,8 +146,8 @@ def _one_line(error: yaml.YAMLError) -> str:
     return " ".join(str(error).split())
 
 
-def _apply(data: dict[str, Any], override: str, path: Path) -> None:
-    """Set one dotted key; names that themselves hold dots ("6.4") are matched against the file."""
+def _overridden(data: dict[str, Any], override: str, path: Path) -> dict[str, Any]:
+    """The mapping with one dotted key set, as "key=value" says."""
     dotted, equals, text = override.partition("=")
     if not equals or not dotted:
         raise ConfigError(
@@ -152,35 +157,12 @@ def _apply(data: dict[str, Any], override: str, path: Path) -> None:
         value = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise ConfigError(path, (dotted,), f"--set: {_one_line(error)}") from None
-    here: Any = data
-    parts = dotted.split(".")
-    while parts:
-        width = _matching_width(here, parts)
-        name, parts = ".".join(parts[:width]), parts[width:]
-        if isinstance(here, list):
-            if not (name.isdecimal() and int(name) < len(here)):
-                raise ConfigError(
-                    path, (dotted,), f"--set: {name!r} is no index from 0 to {len(here) - 1}"
-                )
-            index: Any = int(name)
-        elif isinstance(here, dict):
-            index = name
-            if parts:
-                here.setdefault(name, {})
-        else:
-            raise ConfigError(path, (dotted,), f"--set: nothing called {name!r} can lie in a value")
-        if parts:
-            here = here[index]
-        else:
-            here[index] = value
 
+    def problem(message: str) -> ConfigError:
+        return ConfigError(path, (dotted,), f"--set: {message}")
 
-def _matching_width(here: Any, parts: list[str]) -> int:
-    if isinstance(here, dict):
-        for width in range(len(parts), 1, -1):
-            if ".".join(parts[:width]) in here:
-                return width
-    return 1
+    changed: dict[str, Any] = replaced(data, key_path(data, dotted, problem), value)
+    return changed
 
 
 def check_names(experiment: Experiment, path: Path) -> None:

@@ -111,7 +111,7 @@ def _fields(annotation: Any) -> dict[str, Any]:
             kind: Any = info.annotation
             for mark in info.metadata:
                 kind = typing.Annotated[kind, mark]
-            fields[name] = kind
+            fields[info.alias or name] = kind
         return fields
     if isinstance(annotation, type) and dataclasses.is_dataclass(annotation):
         hints = typing.get_type_hints(annotation)

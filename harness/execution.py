@@ -5,10 +5,8 @@ from __future__ import annotations
 import dataclasses
 import time
 import traceback
-from collections import OrderedDict
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +15,10 @@ from harness.common_points import Common, common_points, pose_bounds
 from harness.face_gaps import FaceGaps, centroid_gaps, only
 from harness.pair_view import PairView
 from harness.random_pairs import RandomSpec, drawn_spec
+from harness.recent import Recent
 from harness.scoring import encoder_pose, exact_pose, pose_error
 from harness.store import Row, RowStatus
-from harness.trials import Trial, TrialSpec, canonical_json
+from harness.trials import Trial, TrialSpec
 from harness.views import ViewSpec
 from registration.methods import register
 from registration.result import RegistrationResult
@@ -30,28 +29,8 @@ from scenes.scene import Scene
 from sensors import SENSORS
 from sensors.sensor import Hits, Sensor
 
-T = TypeVar("T")
-
 # Below this share of common points two views have nothing to be registered by; it prints as 0 %.
 NO_OVERLAP = 0.005
-
-
-@dataclass
-class Recent:
-    """The last few results of costly steps, by key; of one process, as scans are large."""
-
-    size: int
-    entries: OrderedDict[str, Any] = field(default_factory=OrderedDict)
-
-    def get(self, key: str, make: Callable[[], T]) -> T:
-        """The kept result of this key, or a new one."""
-        if key not in self.entries:
-            self.entries[key] = make()
-            if len(self.entries) > self.size:
-                self.entries.popitem(last=False)
-        self.entries.move_to_end(key)
-        kept: T = self.entries[key]
-        return kept
 
 
 _scenes, _scans, _hits, _commons = Recent(4), Recent(12), Recent(8), Recent(64)
@@ -73,9 +52,7 @@ def perform(trial: Trial) -> Outcome:
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".splitlines()[0]
         trace = traceback.format_exc()
-        return Outcome(
-            Row(trial.id, canonical_json(trial.spec), "error", reason=reason, traceback=trace)
-        )
+        return Outcome(Row(trial.id, trial.spec.text, "error", reason=reason, traceback=trace))
 
 
 def scan_view(spec: TrialSpec, view: ViewSpec) -> Scan:
@@ -100,7 +77,7 @@ def _perform(trial: Trial) -> Outcome:
     stage_ms = {"scan": 1e3 * (scanned - start), "overlap": 1e3 * (measured - scanned)}
     row: dict[str, Any] = {
         "id": trial.id,
-        "spec": canonical_json(spec),
+        "spec": spec.text,
         "T_exact": T_exact,
         "T_theoretical": encoder_pose(*paths),
         "overlap_target": shares[0],
@@ -179,7 +156,7 @@ def full_spec(trial: Trial) -> TrialSpec:
     """The spec of a trial; the pair of a random one is drawn, for every method the same."""
     spec = trial.spec
     if isinstance(spec, RandomSpec):
-        key = canonical_json([spec.pair_key(), spec.sensor])
+        key = spec.pair_key() + spec.sensor.text
         pair = _pairs.get(key, lambda: drawn_spec(spec, lambda drawn: common(drawn).shares))
         return dataclasses.replace(pair, method=spec.method)
     if not isinstance(spec, TrialSpec):
@@ -234,7 +211,7 @@ def _view_hits(spec: TrialSpec, view: ViewSpec) -> Hits:
 
 def _scene(spec: TrialSpec) -> Scene:
     chosen = spec.scene
-    return _scenes.get(canonical_json(chosen), lambda: SCENES[chosen.name].builder(chosen.params))
+    return _scenes.get(chosen.text, lambda: SCENES[chosen.name].builder(chosen.params))
 
 
 def _sensor(spec: TrialSpec) -> Sensor:

@@ -12,10 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from harness.config_errors import ConfigError
+from harness.choices import (
+    Chosen,
+    canonical_json,
+    chosen,
+    chosen_methods,
+    joined_json,
+    list_json,
+    text_of,
+)
+from harness.config_errors import ConfigError, Key
 from harness.random_schema import Family, RandomPairsExperiment
+from harness.recent import Recent
 from harness.schema import AimedView
-from harness.trials import Chosen, Trial, TrialSpec, canonical_json, chosen, chosen_method
+from harness.trials import Trial, TrialSpec
 from harness.views import ViewSpec
 from scenes import SCENES
 from scenes.scene import Scene
@@ -49,6 +59,11 @@ class PairRules:
     roll_within_deg: float
     overlap: tuple[float, ...]
 
+    @functools.cached_property
+    def text(self) -> str:
+        """Its canonical JSON, made once for all the trials that share it."""
+        return joined_json(self)
+
 
 @dataclass(frozen=True)
 class RandomSpec:
@@ -69,27 +84,35 @@ class RandomSpec:
     @functools.cached_property
     def id(self) -> str:
         """The first 16 hexadecimal digits of the SHA-256 of the canonical JSON."""
-        return hashlib.sha256(canonical_json(self).encode()).hexdigest()[:16]
+        return hashlib.sha256(self.text.encode()).hexdigest()[:16]
+
+    @property
+    def text(self) -> str:
+        """Its canonical JSON."""
+        return joined_json(self)
 
     def pair_key(self) -> str:
         """All that determines the pair: not the method, nor the noise of the sensor."""
-        params = self.sensor.params
-        if hasattr(params, "noise"):
-            params = dataclasses.replace(params, noise=None)
-        sensor = [self.sensor.name, params]
+        sensor = self.sensor.noiseless
         parts = [self.rules, sensor, self.profiles, self.step_mm, self.repeat, self.seed]
-        return canonical_json(parts)
+        return list_json(parts)
 
 
-def build_random_trials(experiment: RandomPairsExperiment, file: Path) -> tuple[Trial, ...]:
-    """All trials, by number, family and method; raises ConfigError, naming the file and key."""
-    sensor = chosen(experiment.sensor, SENSORS, ("sensor",), file)
-    methods = [
-        chosen_method(choice, ("methods", index), file)
-        for index, choice in enumerate(experiment.methods)
-    ]
+def build_random_trials(
+    experiment: RandomPairsExperiment, file: Path, kept: Recent | None = None
+) -> tuple[Trial, ...]:
+    """All trials, by number, family and method; raises ConfigError, naming the file and key.
+
+    kept: what was checked for experiments that differ in little.
+    """
+    kept = kept or Recent(len(experiment.methods) + len(experiment.families) + 1)
+    sensor = kept.get(
+        f"sensor {text_of(experiment.sensor)}",
+        lambda: chosen(experiment.sensor, SENSORS, ("sensor",), file),
+    )
+    methods = chosen_methods(experiment.methods, file, kept)
     families = {
-        name: (_rules(experiment, family, ("families", name), file), family.pairs)
+        name: (_rules(experiment, family, ("families", name), file, kept), family.pairs)
         for name, family in experiment.families.items()
     }
     return tuple(
@@ -181,25 +204,31 @@ def _rough_shares(
 
 
 def _rules(
-    experiment: RandomPairsExperiment, family: Family, key: tuple[str, ...], file: Path
+    experiment: RandomPairsExperiment, family: Family, key: Key, file: Path, kept: Recent
 ) -> PairRules:
-    scene = chosen(family.scene, SCENES, (*key, "scene"), file)
-    if family.new_scene and not hasattr(scene.params, "seed"):
-        message = f"scene {scene.name!r} has no seed to draw; leave new_scene out"
-        raise ConfigError(file, (*key, "new_scene"), message)
-    return PairRules(
-        scene=scene,
-        new_scene=family.new_scene,
-        aim_mm=family.aim_mm,
-        aim_within_mm=family.aim_within_mm,
-        distance_mm=family.distance_mm,
-        heading_within_deg=experiment.heading_within_deg,
-        yaw_within_deg=experiment.yaw_within_deg,
-        pitch_deg=family.pitch_deg,
-        pitch_within_deg=experiment.pitch_within_deg,
-        roll_within_deg=experiment.roll_within_deg,
-        overlap=experiment.overlap,
-    )
+    e = experiment
+    limits = (e.heading_within_deg, e.yaw_within_deg, e.pitch_within_deg, e.roll_within_deg)
+
+    def make() -> PairRules:
+        scene = chosen(family.scene, SCENES, (*key, "scene"), file)
+        if family.new_scene and not hasattr(scene.params, "seed"):
+            message = f"scene {scene.name!r} has no seed to draw; leave new_scene out"
+            raise ConfigError(file, (*key, "new_scene"), message)
+        return PairRules(
+            scene=scene,
+            new_scene=family.new_scene,
+            aim_mm=family.aim_mm,
+            aim_within_mm=family.aim_within_mm,
+            distance_mm=family.distance_mm,
+            heading_within_deg=e.heading_within_deg,
+            yaw_within_deg=e.yaw_within_deg,
+            pitch_deg=family.pitch_deg,
+            pitch_within_deg=e.pitch_within_deg,
+            roll_within_deg=e.roll_within_deg,
+            overlap=e.overlap,
+        )
+
+    return kept.get(f"rules {canonical_json([family, limits, e.overlap])}", make)
 
 
 def family_of(pair: Any) -> str:

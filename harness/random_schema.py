@@ -7,7 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from harness.schema import Angle, Choice, Length, MethodChoice, ScanSize, Strict, Vector
+from harness.schema import Angle, Choice, Length, MethodChoice, ScanSize, Vector
+from harness.strict import Strict
+from harness.sweep_schema import Sweep
 
 KIND = "random_pairs"
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -48,6 +50,7 @@ class RandomPairsExperiment(Strict):
     overlap: ends of ranges of overlap, the smaller of the two views' shares of points that the
         other sees; pairs take turns between the ranges, so that each has as many, and are drawn
         again until they lie in theirs.
+    sweep: variants of all this; every trial is then done for each of its points.
     """
 
     experiment: Literal["random_pairs"]
@@ -63,6 +66,7 @@ class RandomPairsExperiment(Strict):
     overlap: Annotated[tuple[Share, ...], Field(min_length=2)] = (0.2, 1.0)
     methods: tuple[MethodChoice, ...] = Field(min_length=1)
     seed: int = Field(default=0, ge=0)
+    sweep: Sweep | None = None
 
     @model_validator(mode="after")
     def _in_order(self) -> RandomPairsExperiment:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from harness.pool import MakeExecutor
 from harness.store import Row, Store
-from harness.trials import Trial, canonical_json
+from harness.trials import Trial
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def run(
                     suspects.extend(running.values())
                     continue
                 (task,) = running.values()
-                spec = canonical_json(task.trial.spec)
+                spec = task.trial.spec.text
                 reason = "its process died, as by a lack of memory or a crash in a library"
                 row = Row(task.trial.id, spec, "error", reason=reason)
                 if task.keep:

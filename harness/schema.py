@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
+from harness.strict import Strict
+from harness.sweep_schema import Sweep
 from sensors.paths import Direction, Line
 
 Length = Annotated[float, Field(gt=0.0)]
@@ -16,12 +18,6 @@ Angles = tuple[Angle, Angle, Angle]
 RotationLabels = Literal["printed", "swapped", "cyclic"]
 BeyondReach = Literal["refuse", "straight_line", "straight_line_unless_swapped"]
 Truth = Literal["segments", "patches", "shared_patches", "rotation"]
-
-
-class Strict(BaseModel):
-    """A part of a configuration: no unknown keys, no silent conversions, never changed."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Choice(Strict):
@@ -210,6 +206,7 @@ class Experiment(Strict):
     arm: what carries the sensor, as ArmParams; null moves it exactly as commanded, without an arm.
     rotation_labels: how the labels of the printed angles are read (the tables 6.2 to 6.5 name
         another axis than the one that was turned): printed, swapped (X and Z) or cyclic.
+    sweep: variants of all this; every trial is then done for each of its points.
     """
 
     title: str
@@ -225,3 +222,4 @@ class Experiment(Strict):
     methods: tuple[MethodChoice, ...] = Field(min_length=1)
     repeats: int = Field(default=1, ge=1, le=100_000)
     seed: int = Field(default=0, ge=0)
+    sweep: Sweep | None = None

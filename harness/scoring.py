@@ -75,11 +75,11 @@ def is_success(error: PoseError | None, tolerance: Tolerance) -> bool:
 def six_parameters(T_target_source: RigidTransform) -> FloatArray:
     """(6,) psi, phi, theta in degrees and x, y, z in mm, as the tables of chapter 6 list them.
 
-    R = Rz(theta) Ry(phi) Rx(psi), equations (4-6) and (4-7); the angles are the corrected (4-15) to
-    (4-17), which SciPy's "ZYX" gives.
+    Of many poses (n, 6). R = Rz(theta) Ry(phi) Rx(psi), equations (4-6) and (4-7); the angles are
+    the corrected (4-15) to (4-17), which SciPy's "ZYX" gives.
     """
-    theta, phi, psi = T_target_source.rotation.as_euler("ZYX", degrees=True)
-    return np.array([psi, phi, theta, *np.asarray(T_target_source.translation)])
+    angles_deg = T_target_source.rotation.as_euler("ZYX", degrees=True)[..., ::-1]
+    return np.concatenate([angles_deg, T_target_source.translation], axis=-1)
 
 
 def pose_from_parameters(rotation_deg: FloatArray, translation_mm: FloatArray) -> RigidTransform:
@@ -93,9 +93,9 @@ def pose_from_parameters(rotation_deg: FloatArray, translation_mm: FloatArray) -
 
 
 def parameter_errors(exact: FloatArray, estimated: FloatArray) -> FloatArray:
-    """(6,) estimated minus exact, the three angles in degrees wrapped to (-180, 180]."""
+    """(..., 6) estimated minus exact, the three angles in degrees wrapped to (-180, 180]."""
     difference = np.asarray(estimated, dtype=np.float64) - np.asarray(exact, dtype=np.float64)
-    difference[:3] = 180.0 - np.mod(180.0 - difference[:3], 360.0)
+    difference[..., :3] = 180.0 - np.mod(180.0 - difference[..., :3], 360.0)
     return difference
 
 

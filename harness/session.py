@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,19 +11,22 @@ from typing import Any
 import pandas as pd
 
 from harness.card import card_table
-from harness.config import dump_yaml, load_experiment
+from harness.config import dump_yaml, load_experiment, overridden_mapping
 from harness.face_gaps import FaceGaps
 from harness.pool import MakeExecutor
 from harness.provenance import code_fingerprint, run_facts
-from harness.random_pairs import RandomSpec, build_random_trials, family_of
+from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
 from harness.random_tables import random_tables
+from harness.resolved import resolved_config, with_defaults
 from harness.runner import Done, Task, run
 from harness.schema import Experiment
 from harness.store import Store, StoreError, load
+from harness.sweep_tables import sweep_table
+from harness.swept_trials import build_swept_trials
 from harness.table_files import Table, write_tables
 from harness.tables import all_tables
-from harness.trials import Trial, TrialSpec, build_trials, full_specs
+from harness.trials import Trial, TrialSpec, build_trials
 from harness.variants import variant_tables
 from harness.view_tables import arm_table
 
@@ -34,13 +36,17 @@ FILES_ONLY = ("curves",)
 
 @dataclass(frozen=True)
 class Session:
-    """A checked experiment, its trials, the folder of its results and the code that computes it."""
+    """A checked experiment, its trials, the folder of its results and the code that computes it.
+
+    trials: those of every point where there is a sweep. base: those of the experiment without it.
+    """
 
     file: Path
     experiment: Experiment | RandomPairsExperiment
     trials: tuple[Trial, ...]
     folder: Path
     code: str
+    base: tuple[Trial, ...]
 
 
 @dataclass(frozen=True)
@@ -63,12 +69,16 @@ def open_session(
     """Read and check everything; writes nothing. Raises ConfigError."""
     experiment = load_experiment(file, overrides, seed)
     if isinstance(experiment, RandomPairsExperiment):
-        trials = build_random_trials(experiment, file)
+        trials = base = build_random_trials(experiment, file)
     else:
-        trials = build_trials(experiment, file)
-    read = {getattr(trial.spec.method.params, "calibration", "") for trial in trials}
-    code = code_fingerprint((method.name for method in experiment.methods), read - {""})
-    return Session(file, experiment, trials, folder or Path("results") / file.stem, code)
+        trials = base = build_trials(experiment, file)
+    if experiment.sweep is not None:
+        data = overridden_mapping(file, overrides, seed)
+        trials = build_swept_trials(data, experiment.sweep, with_defaults(experiment, base), file)
+    methods = [trial.spec.method for trial in trials]
+    read = {getattr(method.params, "calibration", "") for method in methods}
+    code = code_fingerprint({method.name for method in methods}, read - {""})
+    return Session(file, experiment, trials, folder or Path("results") / file.stem, code, base)
 
 
 def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
@@ -79,8 +89,11 @@ def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
     ids = [trial.id for trial in session.trials]
     done = set(ids) if redraw else store.finished(session.code)
     labels = {m.label or m.name for m in session.experiment.methods if m.figures}
+    if session.experiment.sweep is not None:
+        labels = set()  # nobody looks at thousands of them
     tasks = []
-    for trial in {trial.id: trial for trial in session.trials}.values():
+    first = {trial.id: trial for trial in reversed(session.trials)}
+    for trial in reversed(first.values()):
         keep = trial.id not in done
         drawn = trial.spec.repeat == 0 and not trial.spec.given and trial.label in labels
         draw = drawn and (keep or redraw or not store.is_drawn(trial))
@@ -109,6 +122,8 @@ def execute(
 
 def draw_whole(session: Session, make_executor: MakeExecutor) -> list[Path]:
     """Draw what concerns no single pair: the arm, and all views superposed; returns the files."""
+    if session.experiment.sweep is not None:
+        return []
     from harness.overview import draw_overview  # it brings matplotlib
 
     labels = [m.label or m.name for m in session.experiment.methods if m.figures]
@@ -122,44 +137,31 @@ def report(session: Session) -> list[Table]:
     Beside those returned, the card of the sensor, how the arm stood and the points of the curves
     are written, which nobody needs to see at every run.
     """
-    rows = load(session.folder)
+    rows = load(session.folder, arrays=session.experiment.sweep is None)
     if rows.empty:
         raise StoreError(f"{session.folder} has no row of this configuration; run it first")
     random = isinstance(session.experiment, RandomPairsExperiment)
-    if isinstance(session.experiment, RandomPairsExperiment):
+    if session.experiment.sweep is not None:
+        tables = [sweep_table(rows)]
+    elif isinstance(session.experiment, RandomPairsExperiment):
         from harness.random_figures import draw_random_figures
 
         tables = random_tables(rows)
         draw_random_figures(rows, session.folder / "figures")
     else:
         tables = all_tables(session.experiment, rows, _gaps(session.trials, rows))
-    tables += variant_tables(session.experiment.methods, rows, random)
-    sensor = session.trials[0].spec.sensor
+    if session.experiment.sweep is None:
+        tables += variant_tables(session.experiment.methods, rows, random)
+    sensor = session.base[0].spec.sensor
     card = card_table(sensor.name, sensor.params)
-    quiet = [table for table in (arm_table(session.trials), card) if table is not None]
+    quiet = [table for table in (arm_table(session.base), card) if table is not None]
     write_tables([*tables, *quiet], session.folder / "tables")
     return [table for table in tables if table.name not in FILES_ONLY]
 
 
 def resolved(session: Session) -> dict[str, Any]:
     """The configuration with every default and preset written out; it makes the same trials."""
-    data = session.experiment.model_dump(mode="json", exclude_none=True)
-    data["sensor"]["params"] = _plain(session.trials[0].spec.sensor.params)
-    for trial in session.trials:
-        if isinstance(trial.spec, RandomSpec):
-            family = data["families"][family_of(trial.pair)]
-            family["scene"]["params"] = _plain(trial.spec.rules.scene.params)
-    specs = full_specs(session.trials)
-    if specs:
-        data["scene"]["params"] = _plain(specs[0].scene.params)
-    arms = [view.arm for spec in specs for view in (spec.source, spec.target) if view.arm]
-    if arms:
-        data["arm"] = _plain(arms[0])
-    params = {trial.label: trial.spec.method.params for trial in session.trials}
-    for method in data["methods"]:
-        method.pop("preset", None)
-        method["params"] = _plain(params[method.get("label", method["name"])])
-    return data
+    return resolved_config(session.experiment, session.base)
 
 
 def _gaps(trials: Sequence[Trial], rows: pd.DataFrame) -> dict[str, FaceGaps]:
@@ -173,9 +175,3 @@ def _gaps(trials: Sequence[Trial], rows: pd.DataFrame) -> dict[str, FaceGaps]:
     scanned = set(entered.loc[entered["status"] != "error", "id"])
     specs = {trial.pair: trial.spec for trial in trials if trial.id in scanned}
     return {pair: face_gaps(spec) for pair, spec in specs.items() if isinstance(spec, TrialSpec)}
-
-
-def _plain(params: Any) -> Any:
-    if not dataclasses.is_dataclass(params) or isinstance(params, type):
-        return params
-    return json.loads(json.dumps(dataclasses.asdict(params)))

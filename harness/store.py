@@ -1,7 +1,8 @@
-"""The rows of an experiment: one a trial, committed as each ends, and the truth for all tables."""
+"""The rows of an experiment: one a trial, kept as trials end, and the truth for all tables."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sqlite3
 from collections.abc import Iterable, Sequence
@@ -11,66 +12,18 @@ from types import TracebackType
 from typing import Any, Literal
 
 import numpy as np
-import pandas as pd
 from scipy.spatial.transform import RigidTransform
 
-from harness.scoring import PARAMETERS, parameter_errors, six_parameters
+from harness.store_file import FILE_NAME as FILE_NAME
+from harness.store_file import Lock, connect, packed, telling
+from harness.store_file import StoreError as StoreError
+from harness.store_load import load as load
+from harness.sweep import Point
 from harness.trials import Trial
-
-FILE_NAME = "trials.sqlite"
-SCHEMA_VERSION = 3
-ARRAYS = ("T_exact", "T_theoretical", "T_estimated", "bounds", "covariance", "undetermined")
-KINDS = ("exact", "theoretical", "estimated", "error")  # of the six parameters, by column
 
 RowStatus = Literal["ok", "ambiguous", "underdetermined", "failed", "no_overlap", "error"]
 
-_SCHEMA = """
-CREATE TABLE trials (
-    id TEXT PRIMARY KEY,
-    spec TEXT NOT NULL,
-    status TEXT NOT NULL,
-    reason TEXT NOT NULL,
-    traceback TEXT NOT NULL,
-    T_exact TEXT,
-    T_theoretical TEXT,
-    T_estimated TEXT,
-    rotation_error_deg REAL,
-    translation_error_mm REAL,
-    overlap_target REAL,
-    overlap_source REAL,
-    bounds TEXT,
-    covariance TEXT,
-    undetermined TEXT,
-    counts TEXT NOT NULL
-) STRICT;
--- Apart from the rows: two runs give the same rows bit for bit, never the same times.
-CREATE TABLE timings (
-    id TEXT PRIMARY KEY REFERENCES trials (id),
-    code TEXT NOT NULL,
-    stage_ms TEXT NOT NULL
-) STRICT;
--- What the present configuration asks for: rows of earlier ones stay and are never mixed in.
-CREATE TABLE run (
-    position INTEGER PRIMARY KEY,
-    id TEXT NOT NULL,
-    pair TEXT NOT NULL,
-    method TEXT NOT NULL,
-    given TEXT NOT NULL,
-    repeat INTEGER NOT NULL
-) STRICT;
--- Which trial the figures and clouds of a pair and a method show, and their files.
-CREATE TABLE drawings (
-    pair TEXT NOT NULL,
-    method TEXT NOT NULL,
-    id TEXT NOT NULL,
-    files TEXT NOT NULL,
-    PRIMARY KEY (pair, method)
-) STRICT;
-"""
-
-
-class StoreError(RuntimeError):
-    """A store that cannot be used; the message says the way out."""
+KNOWN_PARTS = 4096
 
 
 @dataclass(frozen=True)
@@ -107,7 +60,8 @@ class Row:
 class Store:
     """The SQLite file of a results folder, made when missing; used as a context manager.
 
-    Raises StoreError when the file is no store of this version.
+    One process at a time has it. Raises StoreError when another one does, when the file is no store
+    of this version, and when it cannot be written.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -118,7 +72,13 @@ class Store:
                 f"{folder} cannot be a results folder: {error.strerror}; give another with --out"
             ) from None
         self.path = folder / FILE_NAME
-        self._connection = _connect(self.path)
+        self._lock = Lock(folder)
+        try:
+            self._connection = connect(self.path)
+        except StoreError:
+            self._lock.release()
+            raise
+        self._parts: dict[str, None] = {}  # some that are in the file
 
     def __enter__(self) -> Store:
         return self
@@ -130,21 +90,36 @@ class Store:
         trace: TracebackType | None,
     ) -> None:
         self._connection.close()
+        self._lock.release()
 
     def begin(self, trials: Sequence[Trial]) -> None:
         """Note which trials the present configuration asks for, in their order."""
-        rows = [
-            (position, t.id, t.pair, t.label, t.spec.given, t.spec.repeat)
-            for position, t in enumerate(trials)
-        ]
-        with self._connection as connection:
-            connection.execute("DELETE FROM run")
-            connection.executemany("INSERT INTO run VALUES (?, ?, ?, ?, ?, ?)", rows)
+        points = {trial.point.number: trial.point for trial in trials if trial.point is not None}
+        keys = list(next(iter(points.values())).shown) if points else []
+        with telling(self.path), self._connection as connection:
+            for table in ("run", "points", "swept"):
+                connection.execute(f"DELETE FROM {table}")
+            connection.executemany(
+                "INSERT INTO run VALUES (?, ?, ?, ?, ?, ?, ?)",
+                (
+                    (position, t.id, t.pair, t.label, t.spec.given, t.spec.repeat, _number(t.point))
+                    for position, t in enumerate(trials)
+                ),
+            )
+            connection.executemany(
+                "INSERT INTO points VALUES (?, ?, ?)",
+                (
+                    (number, point.varied, json.dumps([point.shown[key] for key in keys]))
+                    for number, point in points.items()
+                ),
+            )
+            connection.executemany("INSERT INTO swept VALUES (?, ?)", enumerate(keys))
 
     def finished(self, code: str) -> set[str]:
         """Ids of the rows that this code computed and that are no errors."""
         query = "SELECT id FROM trials JOIN timings USING (id) WHERE code = ? AND status != 'error'"
-        return {identity for (identity,) in self._connection.execute(query, (code,))}
+        with telling(self.path):
+            return {identity for (identity,) in self._connection.execute(query, (code,))}
 
     def outdated(self, ids: Iterable[str], code: str) -> int:
         """How many of the trials have a row that other code computed."""
@@ -162,7 +137,7 @@ class Store:
     def note_drawing(self, trial: Trial, files: Iterable[Path]) -> None:
         """Remember what was drawn of a trial."""
         names = json.dumps([file.relative_to(self.path.parent).as_posix() for file in files])
-        with self._connection as connection:
+        with telling(self.path), self._connection as connection:
             connection.execute(
                 "INSERT OR REPLACE INTO drawings VALUES (?, ?, ?, ?)",
                 (trial.pair, trial.label, trial.id, names),
@@ -186,112 +161,52 @@ class Store:
 
     def add(self, row: Row, code: str) -> None:
         """Write one row and commit it; a row of the same id is replaced."""
+        self.add_all([row], code)
+
+    def add_all(self, rows: Iterable[Row], code: str) -> None:
+        """Write some rows and commit them together; rows of the same ids are replaced."""
+        with telling(self.path), self._connection as connection:
+            for row in rows:
+                self._insert(connection, row, code)
+
+    def _insert(self, connection: sqlite3.Connection, row: Row, code: str) -> None:
         values = (
-            row.id, row.spec, row.status, row.reason, row.traceback,
-            _matrix_json(row.T_exact), _matrix_json(row.T_theoretical),
-            _matrix_json(row.T_estimated),
+            row.id, self._shortened(connection, row.spec), row.status, row.reason, row.traceback,
+            _packed_pose(row.T_exact), _packed_pose(row.T_theoretical),
+            _packed_pose(row.T_estimated),
             row.rotation_error_deg, row.translation_error_mm,
-            row.overlap_target, row.overlap_source, _array_json(row.bounds),
-            _array_json(row.covariance), _array_json(row.undetermined),
-            json.dumps(row.counts),
+            row.overlap_target, row.overlap_source, packed(row.bounds),
+            packed(row.covariance), packed(row.undetermined),
+            json.dumps(list(row.counts)), packed(list(row.counts.values())),
         )  # fmt: skip
         marks = ", ".join("?" * len(values))
-        with self._connection as connection:
-            connection.execute(f"INSERT OR REPLACE INTO trials VALUES ({marks})", values)
-            connection.execute(
-                "INSERT OR REPLACE INTO timings VALUES (?, ?, ?)",
-                (row.id, code, json.dumps(row.stage_ms)),
-            )
-
-
-def load(folder: Path) -> pd.DataFrame:
-    """The rows of a results folder's present configuration, one a trial that has been run.
-
-    Columns: id, pair, method, given, repeat, status, reason, traceback, spec; rotation_error_deg,
-    translation_error_mm; overlap_target, overlap_source (fractions); exact_*, theoretical_*,
-    estimated_* and error_* of the six parameters (rotation_x_deg .. rotation_z_deg, x_mm .. z_mm);
-    n_* counts; ms_* wall times. T_exact, T_theoretical, T_estimated hold (4, 4) matrices,
-    bounds, covariance and undetermined arrays, or None. Raises StoreError.
-    """
-    path = folder / FILE_NAME
-    if not path.exists():
-        raise StoreError(f"{path} does not exist; run the experiment first")
-    connection = _connect(path)
-    try:
-        cursor = connection.execute(
-            "SELECT run.pair, run.method, run.given, run.repeat, trials.*, timings.stage_ms "
-            "FROM run JOIN trials USING (id) JOIN timings USING (id) ORDER BY position"
+        connection.execute(f"INSERT OR REPLACE INTO trials VALUES ({marks})", values)
+        connection.execute(
+            "INSERT OR REPLACE INTO timings VALUES (?, ?, ?, ?)",
+            (row.id, code, json.dumps(list(row.stage_ms)), packed(list(row.stage_ms.values()))),
         )
-        names = [name for name, *_ in cursor.description]
-        records = [dict(zip(names, record, strict=True)) for record in cursor]
-    finally:
-        connection.close()
-    for record in records:
-        for name in ARRAYS:
-            record[name] = _array(record[name])
-        for name, prefix in (("counts", "n_"), ("stage_ms", "ms_")):
-            values = json.loads(record.pop(name))
-            record |= {prefix + key: value for key, value in values.items()}
-    frame = pd.DataFrame(records, columns=None if records else names)
-    for name in ("rotation_error_deg", "translation_error_mm", "overlap_target", "overlap_source"):
-        frame[name] = frame[name].astype(np.float64)
-    return frame.join(_parameters(frame))
+
+    def _shortened(self, connection: sqlite3.Connection, spec: str) -> str:
+        """A spec with the hashes of its larger parts in their place; the parts are kept once."""
+        short = {}
+        for name, value in json.loads(spec).items():
+            if isinstance(value, dict):
+                text = json.dumps(value, sort_keys=True, separators=(",", ":"))
+                digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+                if digest not in self._parts:
+                    connection.execute("INSERT OR IGNORE INTO parts VALUES (?, ?)", (digest, text))
+                    self._parts[digest] = None
+                    if len(self._parts) > KNOWN_PARTS:
+                        self._parts.pop(next(iter(self._parts)))
+                short[name] = {"part": digest}
+            else:
+                short[name] = value
+        return json.dumps(short, sort_keys=True, separators=(",", ":"))
 
 
-def _parameters(frame: pd.DataFrame) -> pd.DataFrame:
-    """The six parameters of the poses, and estimated less exact; NaN where there is no pose."""
-    names = [
-        f"{name}_{unit}" for name, unit in zip(PARAMETERS, ["deg"] * 3 + ["mm"] * 3, strict=True)
-    ]
-    values = {kind: np.full((len(frame), 6), np.nan) for kind in KINDS}
-    for kind in KINDS[:3]:
-        for row, matrix in zip(values[kind], frame[f"T_{kind}"], strict=True):
-            if matrix is not None:
-                row[:] = six_parameters(RigidTransform.from_matrix(matrix))
-    for i in range(len(frame)):
-        values["error"][i] = parameter_errors(values["exact"][i], values["estimated"][i])
-    columns = {
-        f"{kind}_{name}": values[kind][:, i] for kind in KINDS for i, name in enumerate(names)
-    }
-    return pd.DataFrame(columns, index=frame.index)
+def _number(point: Point | None) -> int | None:
+    return None if point is None else point.number
 
 
-def _connect(path: Path) -> sqlite3.Connection:
-    try:
-        connection = sqlite3.connect(path, timeout=30.0)
-    except sqlite3.OperationalError as error:
-        raise StoreError(
-            f"{path} cannot be opened ({error}); give a folder that can be written with --out"
-        ) from None
-    try:
-        (version,) = connection.execute("PRAGMA user_version").fetchone()
-        if version == 0 and not connection.execute("SELECT * FROM sqlite_master").fetchall():
-            connection.execute("PRAGMA journal_mode = WAL")
-            connection.executescript(
-                f"BEGIN; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT"
-            )
-            version = SCHEMA_VERSION
-    except sqlite3.DatabaseError as error:
-        connection.close()
-        raise StoreError(
-            f"{path} is no store of trials ({error}); give another folder with --out"
-        ) from None
-    if version != SCHEMA_VERSION:
-        connection.close()
-        raise StoreError(
-            f"{path} was written in version {version} of the store, this program writes version "
-            f"{SCHEMA_VERSION}; keep it and give another folder with --out, or remove it"
-        )
-    return connection
-
-
-def _matrix_json(pose: RigidTransform | None) -> str | None:
-    return None if pose is None else _array_json(pose.as_matrix())
-
-
-def _array_json(array: np.ndarray[Any, np.dtype[np.float64]] | None) -> str | None:
-    return None if array is None else json.dumps(np.asarray(array).tolist())
-
-
-def _array(text: str | None) -> np.ndarray[Any, np.dtype[np.float64]] | None:
-    return None if text is None else np.array(json.loads(text), dtype=np.float64)
+def _packed_pose(pose: RigidTransform | None) -> bytes | None:
+    return None if pose is None else packed(pose.as_matrix())

@@ -2,36 +2,34 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import hashlib
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from pydantic import ConfigDict, create_model
 
-from harness.config import validated
-from harness.config_errors import ConfigError, Key, nearest
-from harness.schema import AimedView, Choice, Experiment, MethodChoice, PlacedView, StartView, Truth
+from harness.choices import (
+    Chosen,
+    canonical_json,
+    checked_params,
+    chosen,
+    chosen_methods,
+    joined_json,
+    list_json,
+    text_of,
+)
+from harness.config_errors import ConfigError
+from harness.recent import Recent
+from harness.schema import Experiment, PlacedView, StartView, Truth
+from harness.sweep import Point
 from harness.views import ArmStep, ViewSpec, view_spec
-from registration.methods import METHODS, UnknownMethodError, find_method
-from registration.peers import PEERS, MissingPeerError, check_installed
 from scenes import SCENES
 from sensors import SENSORS
 from sensors.arm import ArmParams, ReachError
 from sensors.paths import LineError, ViewPath
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """An entry of a registry with all its parameters, defaults filled in."""
-
-    name: str
-    params: Any
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,12 @@ class TrialSpec:
     @functools.cached_property
     def id(self) -> str:
         """The first 16 hexadecimal digits of the SHA-256 of the canonical JSON."""
-        return hashlib.sha256(canonical_json(self).encode()).hexdigest()[:16]
+        return hashlib.sha256(self.text.encode()).hexdigest()[:16]
+
+    @property
+    def text(self) -> str:
+        """Its canonical JSON."""
+        return joined_json(self)
 
     def view_key(self, view: ViewSpec) -> str:
         """All that determines the scan of a view, the same whichever method or pair asks for it."""
@@ -63,7 +66,7 @@ class TrialSpec:
 
     def place_key(self, view: ViewSpec) -> str:
         """All that determines what the rays of a view meet: the scan's key without its noise."""
-        return canonical_json([self.scene, self.sensor, self.profiles, self.step_mm, view])
+        return list_json([self.scene, self.sensor, self.profiles, self.step_mm, view])
 
     def pair_key(self) -> str:
         """All that determines the overlap of the pair."""
@@ -87,6 +90,10 @@ class Spec(Protocol):
         """A hash of all of it."""
 
     @property
+    def text(self) -> str:
+        """The canonical JSON of all of it."""
+
+    @property
     def sensor(self) -> Chosen:
         """The sensor of both views."""
 
@@ -105,11 +112,15 @@ class Spec(Protocol):
 
 @dataclass(frozen=True)
 class Trial:
-    """A trial with the names that the config gives its pair and its method."""
+    """A trial with the names that the config gives its pair and its method.
+
+    point: the point of the sweep that it belongs to, if there is a sweep.
+    """
 
     spec: Spec
     pair: str
     label: str
+    point: Point | None = None
 
     @property
     def id(self) -> str:
@@ -122,30 +133,25 @@ def full_specs(trials: Iterable[Trial]) -> list[TrialSpec]:
     return [trial.spec for trial in trials if isinstance(trial.spec, TrialSpec)]
 
 
-def canonical_json(value: Any) -> str:
-    """Dataclasses and plain values as JSON with sorted keys: the same text on every machine."""
-    return json.dumps(value, default=_plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
-
-
-def build_trials(experiment: Experiment, file: Path) -> tuple[Trial, ...]:
+def build_trials(
+    experiment: Experiment, file: Path, kept: Recent | None = None
+) -> tuple[Trial, ...]:
     """All trials of an experiment, in a fixed order; raises ConfigError, naming the file and key.
 
     The order is by repeat, pair and method, so that scans which are shared come close together.
+    kept: what was checked for experiments that differ in little.
     """
-    scene = chosen(experiment.scene, SCENES, ("scene",), file)
-    sensor = chosen(experiment.sensor, SENSORS, ("sensor",), file)
-    methods = [
-        chosen_method(choice, ("methods", index), file)
-        for index, choice in enumerate(experiment.methods)
-    ]
-    scan = experiment.scan
-    arm = None
-    if experiment.arm is not None:
-        arm = checked_params(ArmParams, experiment.arm, file, ("arm",))
-    views = {
-        name: _carried(view_spec(experiment, name, file), arm, experiment, file)
-        for name in experiment.views
-    }
+    kept = kept or Recent(len(experiment.methods) + 3)
+    scene = kept.get(
+        f"scene {text_of(experiment.scene)}",
+        lambda: chosen(experiment.scene, SCENES, ("scene",), file),
+    )
+    sensor = kept.get(
+        f"sensor {text_of(experiment.sensor)}",
+        lambda: chosen(experiment.sensor, SENSORS, ("sensor",), file),
+    )
+    methods = chosen_methods(experiment.methods, file, kept)
+    scan, views = experiment.scan, _views(experiment, file, kept)
     return tuple(
         Trial(
             TrialSpec(
@@ -162,6 +168,20 @@ def build_trials(experiment: Experiment, file: Path) -> tuple[Trial, ...]:
         # True segments and patches hold no noise: every repeat would be the same trial.
         if repeat == 0 or given in ("", "rotation")
     )  # fmt: skip
+
+
+def _views(experiment: Experiment, file: Path, kept: Recent) -> dict[str, ViewSpec]:
+    """Every view by its name; the arm is driven along each."""
+    e = experiment
+    parts = [e.views, e.pairs, e.arm, e.rotation_labels, e.scan, e.seed]
+
+    def make() -> dict[str, ViewSpec]:
+        arm = None
+        if e.arm is not None:
+            arm = checked_params(ArmParams, e.arm, file, ("arm",))
+        return {name: _carried(view_spec(e, name, file), arm, e, file) for name in e.views}
+
+    return kept.get(f"views {canonical_json(parts)}", make)
 
 
 def beyond_reach(experiment: Experiment, trials: Iterable[Trial]) -> dict[str, str]:
@@ -205,88 +225,3 @@ def _carried(view: ViewSpec, arm: ArmParams | None, experiment: Experiment, file
     except LineError as error:
         raise ConfigError(file, ("views", view.name), str(error)) from None
     return carried
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-        if isinstance(value, ViewSpec) and value.line is None:
-            del fields["line"]  # so that trials without one keep the ids they had before lines
-        return fields
-    if isinstance(value, AimedView | StartView):
-        return value.model_dump()
-    raise TypeError(f"{type(value).__name__} cannot determine a trial")
-
-
-def chosen(choice: Choice, registry: Mapping[str, Any], key: Key, file: Path) -> Chosen:
-    """The entry of a registry that the config names, with checked parameters."""
-    if choice.name not in registry:
-        message = f"unknown {key[-1]} {choice.name!r}; {nearest(choice.name, registry)}"
-        raise ConfigError(file, (*key, "name"), message)
-    params_type = registry[choice.name].params_type
-    return Chosen(choice.name, checked_params(params_type, choice.params, file, (*key, "params")))
-
-
-def chosen_method(choice: MethodChoice, key: Key, file: Path) -> Chosen:
-    """The method that the config names, with checked parameters, installed if it is a peer."""
-    try:
-        params_type = find_method(choice.name).params_type
-    except UnknownMethodError:
-        if ":" in choice.name:
-            message = f"{choice.name!r} cannot be imported as package.module:function"
-        else:
-            message = f"unknown method {choice.name!r}; {nearest(choice.name, METHODS)}"
-        raise ConfigError(file, (*key, "name"), message) from None
-    if choice.given and choice.name != "thesis":
-        raise ConfigError(
-            file, (*key, "given"), "only method 'thesis' can be entered with the truth"
-        )
-    preset: dict[str, Any] = {}
-    if choice.preset is not None:
-        presets = _presets(params_type)
-        if choice.preset not in presets:
-            message = f"unknown preset {choice.preset!r}; {nearest(choice.preset, presets)}"
-            raise ConfigError(file, (*key, "preset"), message)
-        preset = dataclasses.asdict(getattr(params_type, choice.preset)())
-    merged = _merged(preset, choice.params)
-    params = checked_params(params_type, merged, file, (*key, "params"))
-    calibration = getattr(params, "calibration", "")
-    if calibration and not Path(calibration).is_file():
-        message = f"{calibration} is no file below {Path.cwd()}; configs/precision.yaml makes one"
-        raise ConfigError(file, (*key, "params", "calibration"), message)
-    if choice.name in PEERS:
-        try:
-            check_installed(choice.name, params)
-        except MissingPeerError as error:
-            raise ConfigError(file, (*key, "name"), f"{choice.name}: {error}") from None
-    return Chosen(choice.name, params)
-
-
-def _presets(params_type: type) -> list[str]:
-    """Names of the public class methods of a params type: each makes one set of parameters."""
-    return [
-        name
-        for name, member in vars(params_type).items()
-        if isinstance(member, classmethod) and not name.startswith("_")
-    ]
-
-
-def checked_params(params_type: type, params: dict[str, Any], file: Path | str, key: Key) -> Any:
-    """Parameters as their dataclass, unknown names refused at every depth; raises ConfigError."""
-    if not dataclasses.is_dataclass(params_type):
-        return params
-    config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-    name = str(key[-1])
-    fields: dict[str, Any] = {name: (params_type, ...)}
-    model = create_model("Params", __config__=config, **fields)
-    return getattr(validated(model, {name: params}, file, key[:-1]), name)
-
-
-def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    merged = dict(base)
-    for name, value in changes.items():
-        if isinstance(value, dict) and isinstance(base.get(name), dict):
-            merged[name] = _merged(base[name], value)
-        else:
-            merged[name] = value
-    return merged

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import functools
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from harness.choices import LATER, joined_json
 from harness.config_errors import ConfigError, nearest
 from harness.schema import (
     AimedView,
@@ -91,7 +93,12 @@ class ViewSpec:
     steps: tuple[PoseStep | ArmStep, ...]
     arm: ArmParams | None = None
     rest_seed: int | None = None
-    line: VerticalLine | None = None
+    line: VerticalLine | None = field(default=None, metadata=LATER)
+
+    @functools.cached_property
+    def text(self) -> str:
+        """Its canonical JSON, made once for all the trials that share it."""
+        return joined_json(self)
 
     def path(self, profiles: int, step_mm: float) -> ViewPath:
         """The viewing line of this view as it is driven; raises LineError."""

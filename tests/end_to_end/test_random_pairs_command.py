@@ -28,7 +28,7 @@ def test_the_shipped_config_runs_and_its_rows_are_those_of_any_process(
     out = tmp_path / "out"
     assert main([str(CONFIG), "--out", str(out), "--workers", "2", *SMALL]) == 0
     shown = capsys.readouterr().out
-    rows = load(out)
+    rows = load(out, specs=True)
     assert len(rows) == 9
     assert rows["bounds"].notna().all()
     assert "Successes" in shown

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -15,6 +15,8 @@ from experiments.cli import _parser
 from harness.config import load_experiment, read_mapping
 from harness.execution import perform
 from harness.scoring import exact_pose, pose_error
+from harness.session import open_session
+from harness.sweep_schema import Design
 from harness.trials import build_trials
 from registration import Scan
 from registration.calibration import read_calibration
@@ -159,6 +161,20 @@ def test_the_picture_is_drawn_by_the_config_it_names() -> None:
     assert any((choice.label or choice.name) == method for choice in experiment.methods)
 
 
-def test_the_yaml_block_is_valid() -> None:
-    (text,) = blocks("yaml")
-    assert list(yaml.safe_load(text)) == ["methods"]
+def test_every_yaml_block_is_run_here() -> None:
+    methods, sweep = block("yaml", "cautious"), block("yaml", "sweep:")
+    assert sorted(blocks("yaml")) == sorted([methods, sweep])
+    assert list(yaml.safe_load(methods)) == ["methods"]
+
+
+def test_a_sweep(tmp_path: Path) -> None:
+    config = tmp_path / "swept.yaml"
+    methods = "methods:\n  - {name: thesis}\n"
+    config.write_text(PLATES + methods + block("yaml", "sweep:"), encoding="utf-8")
+    trials = open_session(config, tmp_path).trials
+    assert len({trial.id for trial in trials}) == 18
+    assert "each of these 18 points" in README
+    designs = re.findall(r"^\| (`[a-z_`, ]+`) \|", README.split("| design |")[1].split("\n\n")[0],
+                         flags=re.MULTILINE)  # fmt: skip
+    listed = re.findall(r"`(\w+)`", " ".join(designs))
+    assert set(listed) == set(get_args(Design))

@@ -1,0 +1,142 @@
+"""The trials of all points of a sweep; what points have in common is checked and kept once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from harness.config import checked_experiment
+from harness.config_errors import ConfigError, Key
+from harness.overrides import key_path, looked_up, replaced
+from harness.random_pairs import build_random_trials
+from harness.random_schema import RandomPairsExperiment
+from harness.recent import Recent
+from harness.schema import Experiment
+from harness.sweep import MOST_POINTS, Point, point_count, shown_value, sweep_points
+from harness.sweep_schema import Sweep
+from harness.trials import Trial, build_trials
+
+# Pieces of configurations, and whole ones without their parameters, that are kept while building.
+KEPT = 4096
+
+
+def build_swept_trials(
+    data: dict[str, Any], sweep: Sweep, defaults: dict[str, Any], file: Path
+) -> tuple[Trial, ...]:
+    """The trials of every point, point by point; raises ConfigError, naming file, point and key.
+
+    data: the configuration as its file holds it, overrides applied. defaults: the same with every
+    default written out, for what one_at_a_time leaves as it is.
+    """
+    count = point_count(sweep)
+    if count > MOST_POINTS:
+        raise ConfigError(file, ("sweep",), f"makes {count} points; expected {MOST_POINTS} at most")
+    base = {name: value for name, value in data.items() if name != "sweep"}
+    paths = {key: _path(base, key, file) for key in sweep.over}
+    unchanged = {key: shown_value(looked_up(defaults, paths[key])) for key in sweep.over}
+    builder = _Builder(file)
+    trials: list[Trial] = []
+    try:
+        points = list(sweep_points(sweep))
+    except ValueError as error:
+        raise ConfigError(file, ("sweep", "over"), str(error)) from None
+    for point in points:
+        changed = base
+        try:
+            for key, value in point.values.items():
+                changed = replaced(changed, paths[key], value)
+        except (IndexError, TypeError, ValueError):
+            message = f"{key} points nowhere once the keys before it are set"
+            raise _at(point, file, message) from None
+        if point.varied or not point.values:
+            point = Point(point.number, point.varied, point.values, unchanged | point.shown)
+        try:
+            trials += builder.trials(changed, point)
+        except ConfigError as error:
+            raise _at(point, file, str(error).removeprefix(f"{file}: ")) from None
+    return tuple(trials)
+
+
+def _at(point: Point, file: Path, message: str) -> ConfigError:
+    told = ", ".join(f"{key}={point.shown[key]}" for key in point.values)
+    where = f"point {point.number} ({told})" if told else f"point {point.number}"
+    return ConfigError(file, ("sweep", "over"), f"{where}: {message}")
+
+
+def _path(data: dict[str, Any], key: str, file: Path) -> Key:
+    def problem(message: str) -> ConfigError:
+        return ConfigError(file, ("sweep", "over", key), message)
+
+    path = key_path(data, key, problem)
+    if path[0] in ("sweep", "title", "description", "experiment"):
+        raise problem(f"{path[0]!r} cannot be swept")
+    return path
+
+
+class _Builder:
+    """Builds trials of configurations that differ in little."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._outlines = Recent(KEPT)
+        self._pieces = Recent(KEPT)
+
+    def trials(self, data: dict[str, Any], point: Point) -> Iterator[Trial]:
+        experiment = self._experiment(data)
+        if isinstance(experiment, RandomPairsExperiment):
+            built = build_random_trials(experiment, self._file, self._pieces)
+        else:
+            built = build_trials(experiment, self._file, self._pieces)
+        return (Trial(trial.spec, trial.pair, trial.label, point) for trial in built)
+
+    def _experiment(self, data: dict[str, Any]) -> Experiment | RandomPairsExperiment:
+        """The checked configuration; its outline without any parameters is checked once only."""
+        sections = _with_params(data)
+        params = {path: looked_up(data, path) for path in sections}
+        if not all(isinstance(each, dict) for each in params.values()):
+            return checked_experiment(data, self._file)  # it says what is wrong
+        outline = data
+        for path in sections:
+            outline = replaced(outline, path, {})
+        try:
+            text = json.dumps(outline)
+        except (TypeError, ValueError):
+            return checked_experiment(data, self._file)
+        experiment = self._outlines.get(text, lambda: checked_experiment(outline, self._file))
+        filled: Experiment | RandomPairsExperiment = _filled(experiment, params)
+        return filled
+
+
+def _with_params(data: dict[str, Any]) -> list[Key]:
+    """Where a configuration holds parameters, which their own dataclasses check."""
+    choices: list[Key] = [("scene",), ("sensor",)]
+    if isinstance(data.get("methods"), list):
+        choices += [("methods", index) for index in range(len(data["methods"]))]
+    if isinstance(data.get("families"), dict):
+        choices += [("families", name, "scene") for name in data["families"]]
+    found = []
+    for choice in choices:
+        section = looked_up(data, choice)
+        if isinstance(section, dict) and "params" in section:
+            found.append((*choice, "params"))
+    return found
+
+
+def _filled(experiment: Any, params: dict[Key, dict[str, Any]]) -> Any:
+    """A checked outline with its parameters, which are checked where they are used."""
+    for path, values in params.items():
+        experiment = _copied(experiment, path, values)
+    return experiment
+
+
+def _copied(part: Any, path: Key, value: Any) -> Any:
+    if not path:
+        return value
+    step, rest = path[0], path[1:]
+    if isinstance(step, int):
+        return (*part[:step], _copied(part[step], rest, value), *part[step + 1 :])
+    if isinstance(part, dict):
+        return part | {step: _copied(part[step], rest, value)}
+    return part.model_copy(update={step: _copied(getattr(part, str(step)), rest, value)})
