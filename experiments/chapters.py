@@ -15,8 +15,9 @@ from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import ProfilesExperiment, load_profiles
 from harness.config import experiment_kind, overridden_mapping, validated
 from harness.config_errors import ConfigError, nearest
-from harness.schema import Experiment, Strict
+from harness.schema import Experiment
 from harness.session import Session, open_session
+from harness.strict import Strict
 from harness.trials import Trial
 
 KIND = "chapters"

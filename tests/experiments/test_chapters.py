@@ -84,7 +84,7 @@ def test_the_summary_says_what_the_rows_say(out: Path) -> None:
 
 
 def test_the_calibration_of_the_run_is_used_and_every_part_is_told(out: Path) -> None:
-    rows = load(out / "foam")
+    rows = load(out / "foam", specs=True)
     calibrated = rows[rows["method"] == "gauss_sphere calibrated"]
     assert len(calibrated) == 2
     spec = json.loads(calibrated["spec"].iloc[0])
