@@ -9,6 +9,8 @@ from pathlib import Path
 from experiments.precision import run_precision
 from experiments.profile_pairs import KIND, run_profiles
 from experiments.terminal import make_console, show_paths, show_tables
+from harness.config import read_mapping
+from harness.report.run_page import plain_part, write_page
 from harness.table_files import Table
 
 Run = Callable[[Path, Path | None, Sequence[str], int | None], tuple[list[Table], Path]]
@@ -24,6 +26,9 @@ def show_run(
     console = make_console()
     start = time.perf_counter()
     tables, written = run(config, folder, overrides, seed)
+    heading = read_mapping(config)
+    part = plain_part(written, str(heading["title"]), str(heading.get("description", "")), tables)
+    write_page(written, part.title, [part])
     show_tables(console, tables)
     show_paths(console, written)
     console.print(f"{time.perf_counter() - start:.1f} s", markup=False)

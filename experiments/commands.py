@@ -76,10 +76,14 @@ def run_all(session: Session, workers: int | None, redraw: bool, show: Show | No
                 file=sys.stderr,
             )
             return EXIT_INTERRUPTED
-    (show or partial(show_tables, console))(report(session))
+    tables = report(session)
+    (show or partial(show_tables, console))(tables)
     tell_no_overlap(console, session)
     if planned.tasks:
         draw_whole(session, make_executor)
+    from harness.report.run_page import write_run_page  # it brings matplotlib
+
+    write_run_page(session, tables, make_executor)
     if show is None:
         show_paths(console, session.folder)
     computed = [done.row for done in ended if done.task.keep]

@@ -92,6 +92,8 @@ def show_tables(console: Console, tables: Iterable[Table]) -> None:
     """Print the tables, each caption once; where a method has no estimate its reason is enough."""
     told: set[str] = set()
     for table in tables:
+        if table.quiet:
+            continue
         estimates = table.frame.get("Our estimate")
         if estimates is not None and estimates.isna().all():
             console.print(f"{table.title}: {table.note}\n", markup=False)
@@ -127,6 +129,7 @@ def show_paths(console: Console, folder: Path) -> None:
     """Print what a results folder holds, one line a kind."""
     console.print("Written:", markup=False)
     for pattern, what in (
+        ("report.html", "all of it on one page, opens in any browser"),
         ("tables/*.csv", "tables as csv, md and tex"),
         ("figures/*", "figures"),
         ("calibration.json", "bias and noise of the sensor, for registration"),

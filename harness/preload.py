@@ -6,6 +6,7 @@ The kernels are loaded too, or the first trial of each worker would count that a
 from contextlib import suppress
 
 from harness import clouds, execution, figures  # noqa: F401  # imported to be at hand
+from harness.report import records  # noqa: F401
 from registration import METHODS, register
 from registration.peers import PEERS
 from registration.warm import corner_scan

@@ -20,12 +20,14 @@ class Task:
     """A trial to perform, whether its row is wanted, and what to draw of it.
 
     pictures: folder for the pair's figures, or None. clouds: folder for its PLY files, or None.
+    records: folder for what the report shows of it in 3D, or None.
     """
 
     trial: Trial
     keep: bool
     pictures: Path | None = None
     clouds: Path | None = None
+    records: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,10 @@ def work(task: Task) -> Done:
             from harness.clouds import write_clouds
 
             files += write_clouds(outcome.pair, task.clouds)
+        if outcome.pair is not None and task.records is not None:
+            from harness.report.records import keep
+
+            files += keep(outcome.pair, task.trial, task.records, task.pictures is not None)
     except Exception as error:
         problem = f"{type(error).__name__}: {error}".splitlines()[0]
         return Done(task, outcome.row, tuple(files), problem)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from harness.provenance import code_fingerprint, run_facts
 from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
 from harness.random_tables import random_tables
+from harness.report.pair_record import FOLDER as RECORDS
 from harness.resolved import resolved_config, with_defaults
 from harness.runner import Done, Task, run
 from harness.schema import Experiment
@@ -30,8 +31,8 @@ from harness.trials import Trial, TrialSpec, build_trials
 from harness.variants import variant_tables
 from harness.view_tables import arm_table
 
-# Tables that only their files are for.
-FILES_ONLY = ("curves",)
+# Tables that the terminal does not show.
+QUIET = ("curves", "arm", "sensor_card")
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,15 @@ def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
         draw = drawn and (keep or redraw or not store.is_drawn(trial))
         if keep or draw:
             pictures, clouds = session.folder / "figures", session.folder / "scans"
-            tasks.append(Task(trial, keep, pictures if draw else None, clouds if draw else None))
+            tasks.append(
+                Task(
+                    trial,
+                    keep,
+                    pictures if draw else None,
+                    clouds if draw else None,
+                    session.folder / RECORDS,
+                )
+            )
     reused = sum(identity in done for identity in ids)
     return Plan(tuple(tasks), reused, store.outdated(ids, session.code))
 
@@ -134,8 +143,8 @@ def draw_whole(session: Session, make_executor: MakeExecutor) -> list[Path]:
 def report(session: Session) -> list[Table]:
     """Build the tables from the rows and write them; raises StoreError.
 
-    Beside those returned, the card of the sensor, how the arm stood and the points of the curves
-    are written, which nobody needs to see at every run.
+    The card of the sensor, how the arm stood and the points of the curves are quiet: in the files
+    and in the page, which nobody needs to see in the terminal at every run.
     """
     rows = load(session.folder, arrays=session.experiment.sweep is None)
     if rows.empty:
@@ -154,9 +163,10 @@ def report(session: Session) -> list[Table]:
         tables += variant_tables(session.experiment.methods, rows, random)
     sensor = session.base[0].spec.sensor
     card = card_table(sensor.name, sensor.params)
-    quiet = [table for table in (arm_table(session.base), card) if table is not None]
-    write_tables([*tables, *quiet], session.folder / "tables")
-    return [table for table in tables if table.name not in FILES_ONLY]
+    tables += [table for table in (arm_table(session.base), card) if table is not None]
+    tables = [replace(table, quiet=table.name in QUIET) for table in tables]
+    write_tables(tables, session.folder / "tables")
+    return tables
 
 
 def resolved(session: Session) -> dict[str, Any]:

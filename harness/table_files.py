@@ -18,7 +18,7 @@ class Table:
     name: the stem of its files. caption: how to read it. note: what only this table has to say.
     formats: a format specification ("+.2f") by column; text columns have none.
     norms: the rows of angles and lengths, whose numbers have no sign.
-    in_full: whether a terminal shows it whole, however long.
+    in_full: whether a terminal shows it whole, however long. quiet: not at all.
     """
 
     name: str
@@ -29,6 +29,7 @@ class Table:
     note: str = ""
     norms: tuple[int, ...] = ()
     in_full: bool = False
+    quiet: bool = False
 
     @property
     def legend(self) -> str:
@@ -45,6 +46,25 @@ class Table:
             for place, row in enumerate(self.frame.itertuples(index=False))
         ]
 
+    def csv(self) -> str:
+        """The raw numbers; beyond the ninth decimal there is only rounding."""
+        return str(self.frame.round(9).to_csv(index=False, lineterminator="\n"))
+
+    def latex(self) -> str:
+        """The table as printed, for LaTeX with booktabs."""
+        return (
+            "% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\n"
+            f"\\caption{{{_escaped(self.title)}. {_escaped(self.legend)}}}\n"
+            f"{self.grid('latex_booktabs')}\n\\end{{table}}\n"
+        )
+
+    def grid(self, style: str) -> str:
+        """The table as printed, in a style of tabulate."""
+        header, rows = list(self.frame.columns), self.text()
+        aligned = ["right" if column in self.formats else "left" for column in header]
+        alignment = aligned if rows else None
+        return str(tabulate(rows, header, style, colalign=alignment, disable_numparse=True))
+
     def _format(self, column: str, place: int) -> str:
         specification = self.formats.get(column, "")
         return specification.removeprefix("+") if place in self.norms else specification
@@ -58,27 +78,12 @@ def write_tables(tables: Iterable[Table], folder: Path) -> list[Path]:
             old.unlink()
     files = []
     for table in tables:
-        header, rows = list(table.frame.columns), table.text()
-        aligned = ["right" if column in table.formats else "left" for column in header]
-        plain = tabulate(
-            rows, header, "github", colalign=aligned if rows else None, disable_numparse=True
-        )
-        latex = tabulate(
-            rows, header, "latex_booktabs", colalign=aligned if rows else None,
-            disable_numparse=True,
-        )  # fmt: skip
         csv = folder / f"{table.name}.csv"
-        # Beyond the ninth decimal there is only rounding.
-        table.frame.round(9).to_csv(csv, index=False, lineterminator="\n")
+        csv.write_text(table.csv(), encoding="utf-8")
         (folder / f"{table.name}.md").write_text(
-            f"**{table.title}.** {table.legend}\n\n{plain}\n", encoding="utf-8"
+            f"**{table.title}.** {table.legend}\n\n{table.grid('github')}\n", encoding="utf-8"
         )
-        (folder / f"{table.name}.tex").write_text(
-            "% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\n"
-            f"\\caption{{{_escaped(table.title)}. {_escaped(table.legend)}}}\n"
-            f"{latex}\n\\end{{table}}\n",
-            encoding="utf-8",
-        )
+        (folder / f"{table.name}.tex").write_text(table.latex(), encoding="utf-8")
         files.append(csv)
     return files
 

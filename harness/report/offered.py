@@ -1,0 +1,46 @@
+"""Which trials the page shows in 3D: those that are drawn, and the worst ones."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+import pandas as pd
+
+from harness.random_groups import within
+from harness.scoring import COARSE
+
+WORST = 6  # trials that are no success, of each experiment
+OF_A_KIND = 2  # of these, of one pair and method
+RANK = {"ok": 0, "error": 1, "ambiguous": 2, "underdetermined": 2, "failed": 3, "no_overlap": 4}
+
+
+def worst_first(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows that are no success: wrong answers by falling error, then those that gave none."""
+    bad = rows[~within(rows, COARSE)]
+    size = np.maximum(
+        bad["rotation_error_deg"].to_numpy(float) / COARSE.rotation_deg,
+        bad["translation_error_mm"].to_numpy(float) / COARSE.translation_mm,
+    )
+    order = np.lexsort((-np.nan_to_num(size), bad["status"].map(RANK).fillna(5)))
+    return bad.iloc[order]
+
+
+def offered(rows: pd.DataFrame, drawn: Collection[str]) -> list[str]:
+    """Ids of the trials to show, the worst first, then those that are drawn.
+
+    rows: as store.load gives them. drawn: labels of the methods whose repeat 0 is drawn.
+    """
+    whole = rows[rows["given"] == ""]
+    # Without any overlap or with an error of the program there is nothing to look at.
+    bad = worst_first(whole[~whole["status"].isin(["no_overlap", "error"])])
+    turn = bad.groupby(["pair", "method"]).cumcount()
+    kinds = bad[turn < OF_A_KIND].assign(turn=turn).sort_values("turn", kind="stable")
+    chosen = list(kinds["id"][:WORST])
+    seen = whole[(whole["repeat"] == 0) & whole["method"].isin(list(drawn))]
+    seen = seen[~seen["status"].isin(["no_overlap", "error"])]
+    chosen += [identity for identity in seen["id"] if identity not in chosen]
+    if not chosen:
+        shown = whole[~whole["status"].isin(["no_overlap", "error"])]
+        chosen = list(shown["id"][:1])
+    return chosen

@@ -1,0 +1,225 @@
+"""The page itself: parts put together into one file that needs no network and no server."""
+
+from __future__ import annotations
+
+import base64
+import functools
+import gzip
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from harness.figures_page import INK, SOURCE, TARGET
+from harness.figures_planes import NORMAL_COLOURS
+from harness.report.failures import command_markup
+from harness.report.markup import (
+    details,
+    embedded_bytes,
+    embedded_json,
+    escaped,
+    section,
+    table_markup,
+)
+from harness.report.packing import compressed
+from harness.report.pair_record import record_path
+from harness.report.pictures import load_pictures, pictures_markup
+from harness.table_files import Table
+
+ASSETS = Path(__file__).parent / "assets"
+FILE_NAME = "report.html"
+SCRIPTS = ("tables.js", "data.js", "traces.js", "panels.js", "pair.js")
+COLOURS = {"target": TARGET, "source": SOURCE, "ink": INK, "palette": NORMAL_COLOURS}
+LARGEST_BYTES = 15_000_000
+# No script, style, picture or request from anywhere but this file, whatever a text in it says.
+POLICY = (
+    "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; font-src data:; "
+    "script-src 'unsafe-inline' 'unsafe-eval' blob:; worker-src blob:; connect-src 'none'"
+)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One experiment of a page.
+
+    name: unique in the page, starts the ids of its elements. answer: sentence first, then a table.
+    tables: beside the answer's. failures: markup. config, facts: texts of config.yaml and run.json.
+    command: what made it.
+    """
+
+    name: str
+    title: str
+    description: str = ""
+    sentence: str = ""
+    answer: Table | None = None
+    tables: Sequence[Table] = ()
+    sensor: Sequence[Table] = ()
+    figures: Sequence[Path] = ()
+    failures: str = ""
+    config: str = ""
+    facts: str = ""
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What the viewer in 3D offers: records by id, where their files lie, and how to replay one.
+
+    trials: rows of the list that is searched, each a mapping of plain values. first: id of the
+    record that is shown before one is chosen.
+    """
+
+    records: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    folders: Mapping[str, Path] = field(default_factory=dict)
+    trials: Sequence[Mapping[str, Any]] = ()
+    first: str = ""
+
+
+def page_markup(title: str, parts: Sequence[Part], shown: Shown) -> str:
+    """The whole page.
+
+    Pictures get what the rest leaves of LARGEST_BYTES; they are made smaller to fit.
+    """
+    viewer, data = viewer_markup(shown), _data(shown)
+    files = [file for part in parts for file in part.figures]
+    rest = sum(len(part.failures) for part in parts) + sum(map(len, data)) + len(_plotly())
+    tables = _table_files(parts)
+    rest += len(tables) + 200_000 * len(parts)
+    pictures = iter(load_pictures(files, int(0.74 * max(LARGEST_BYTES - rest, 0))))
+    bodies = []
+    for part in parts:
+        figures = [next(pictures) for _ in part.figures]
+        body = pictures_markup(figures)
+        bodies.append(_part(part, body, alone=len(parts) == 1, viewer=viewer))
+        viewer = ""  # the first part holds it for all
+    links = _links(parts, bool(shown.records))
+    scripts = "\n".join(
+        f"<script>{(ASSETS / name).read_text(encoding='utf-8')}</script>" for name in SCRIPTS
+    )
+    return (
+        "<!DOCTYPE html>\n"
+        '<html lang="en"><head><meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{html.escape(POLICY)}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escaped(title)}</title>\n"
+        f"<style>{(ASSETS / 'report.css').read_text(encoding='utf-8')}</style>\n"
+        "</head><body>\n"
+        f'<a class="skip" href="#main">To the content</a><header><h1>{escaped(title)}</h1>'
+        f'<nav aria-label="Sections">{links}</nav></header>\n<main id="main">\n'
+        + "\n".join(bodies)
+        + "\n</main>\n"
+        + "\n".join([embedded_json(COLOURS, "colours"), tables, *data])
+        + (f"\n{embedded_bytes(_plotly(), 'plotly')}" if shown.records else "")
+        + f"\n{scripts}\n</body></html>\n"
+    )
+
+
+def _part(part: Part, figures: str, alone: bool, viewer: str) -> str:
+    prefix = "" if alone else f"{part.name}-"
+    level = 2 if alone else 3
+    pieces = []
+    lead = f'<p class="answer">{escaped(part.sentence)}</p>' if part.sentence else ""
+    if part.answer is not None:
+        lead += table_markup(part.answer, f"{prefix}answer-table")
+    if part.description:
+        lead += f'<p class="about">{escaped(part.description)}</p>'
+    pieces.append(section(f"{prefix}answer", "The answer" if lead else "What it is", lead, level))
+    if viewer:
+        pieces.append(section("pair", "A pair in 3D", viewer, level))
+    if part.failures:
+        pieces.append(section(f"{prefix}failures", "Failures", part.failures, level))
+    if part.tables:
+        body = "\n".join(table_markup(t, f"{prefix}{t.name}") for t in part.tables)
+        pieces.append(section(f"{prefix}tables", "Tables", body, level))
+    if figures:
+        pieces.append(section(f"{prefix}figures", "Figures", figures, level))
+    if part.sensor:
+        body = "\n".join(table_markup(t, f"{prefix}{t.name}") for t in part.sensor)
+        pieces.append(section(f"{prefix}sensor", "The sensor", body, level))
+    made = command_markup(part.command) if part.command else ""
+    made += details("config.yaml, every default written out", _text(part.config))
+    made += details("run.json: versions, commit, machine", _text(part.facts))
+    pieces.append(section(f"{prefix}made", "How it was made", made, level))
+    body = "\n".join(pieces)
+    return body if alone else section(part.name, part.title, body)
+
+
+def _links(parts: Sequence[Part], viewer: bool) -> str:
+    if len(parts) > 1:
+        names = [(part.name, part.title) for part in parts]
+    else:
+        (part,) = parts
+        sections = (
+            ("answer", "Answer", True),
+            ("failures", "Failures", part.failures),
+            ("tables", "Tables", part.tables),
+            ("figures", "Figures", part.figures),
+            ("sensor", "Sensor", part.sensor),
+            ("made", "How it was made", True),
+        )
+        names = [(name, text) for name, text, there in sections if there]
+    if viewer:
+        names.insert(1 if len(parts) == 1 else 0, ("pair", "In 3D"))
+    return " ".join(f'<a href="#{escaped(name)}">{escaped(text)}</a>' for name, text in names)
+
+
+def viewer_markup(shown: Shown) -> str:
+    """The place of the viewer; pair.js fills it, and without scripts a line says so."""
+    if not shown.records:
+        return ""
+    options = "".join(
+        f'<option value="{escaped(identity)}">{escaped(_option(identity, found))}</option>'
+        for identity, found in shown.records.items()
+    )
+    template = (ASSETS / "viewer.html").read_text(encoding="utf-8")
+    template = template.replace("<!--first-->", escaped(shown.first))
+    return template.replace("<!--options-->", options)
+
+
+def _option(identity: str, record: Mapping[str, Any]) -> str:
+    text = f"{record['pair']}, {record['method']}, repeat {record['repeat']}: {record['status']}"
+    if record["error"] is not None:
+        text += f", off by {record['error'][0]:.2f}° and {record['error'][1]:.1f} mm"
+    return f"{text} ({identity[:8]})"
+
+
+def _data(shown: Shown) -> list[str]:
+    """The records and what they share, once each, and the list of all trials."""
+    data: dict[str, str] = {}
+    for identity, record in shown.records.items():
+        folder = shown.folders[identity]
+        own = record_path(folder, identity).read_bytes()
+        data[f"trial-{identity}"] = base64.b64encode(own).decode("ascii")
+        for name in record["files"].values():
+            if name not in data:
+                data[name] = base64.b64encode((folder / name).read_bytes()).decode("ascii")
+    if shown.trials:
+        data["trials"] = base64.b64encode(compressed(list(shown.trials))).decode("ascii")
+    return [embedded_bytes(text, f"data-{name}") for name, text in data.items()]
+
+
+def _table_files(parts: Sequence[Part]) -> str:
+    """The tables as csv with raw numbers and as LaTeX, for the buttons that copy them."""
+    texts = {}
+    for part in parts:
+        prefix = "" if len(parts) == 1 else f"{part.name}-"
+        answer = () if part.answer is None else (part.answer,)
+        for table in (*answer, *part.tables, *part.sensor):
+            name = "answer-table" if table is part.answer else table.name
+            texts[f"{prefix}{name}"] = {"csv": table.csv(), "tex": table.latex()}
+    data = base64.b64encode(compressed(texts)).decode("ascii")
+    return embedded_bytes(data, "data-tables")
+
+
+@functools.cache
+def _plotly() -> str:
+    """The library that draws in 3D, compressed: the page inflates it when it is first needed."""
+    from plotly.offline import get_plotlyjs
+
+    data = gzip.compress(get_plotlyjs().encode("utf-8"), compresslevel=4, mtime=0)
+    return base64.b64encode(data).decode("ascii")
+
+
+def _text(text: str) -> str:
+    return f"<pre>{escaped(text)}</pre>"

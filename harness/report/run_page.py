@@ -1,0 +1,126 @@
+"""The page of a run, from its results folder: every experiment ends with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from harness.config import load_experiment
+from harness.config_errors import ConfigError
+from harness.pool import MakeExecutor
+from harness.report.answer import answer_sentence, answer_table, main_label
+from harness.report.failures import failures_markup, failures_table, replay_command
+from harness.report.offered import offered, worst_first
+from harness.report.packing import write_whole
+from harness.report.page import FILE_NAME, Part, Shown, page_markup
+from harness.report.pair_record import FOLDER
+from harness.report.records import provided
+from harness.session import Session
+from harness.store import load
+from harness.table_files import Table
+
+SENSOR_TABLES = ("sensor_card", "geometry_fits", "arm")
+
+
+def write_run_page(session: Session, tables: Sequence[Table], make_executor: MakeExecutor) -> Path:
+    """Build the page of a run with trials; returns its file.
+
+    tables: all that session.report made. make_executor: for trials that have to be replayed.
+    """
+    part, shown = run_part(session, tables, make_executor)
+    return write_page(session.folder, session.experiment.title, [part], shown)
+
+
+def write_page(folder: Path, title: str, parts: Sequence[Part], shown: Shown | None = None) -> Path:
+    """Write a page into a results folder; returns its file."""
+    path = folder / FILE_NAME
+    write_whole(path, page_markup(title, parts, shown or Shown()).encode("utf-8"))
+    return path
+
+
+def run_part(
+    session: Session, tables: Sequence[Table], make_executor: MakeExecutor, prefix: str = ""
+) -> tuple[Part, Shown]:
+    """What a page says of one run, and what it shows of it in 3D."""
+    rows = load(session.folder)
+    labels = {m.label or m.name for m in session.experiment.methods if m.figures}
+    folder = session.folder / FOLDER
+    by_id = {trial.id: trial for trial in session.trials}
+    records = provided(offered(rows, labels), by_id, rows, folder, make_executor)
+    command = ["run-experiment", str(_config_file(session))]
+    failures = failures_table(rows)
+    named = [table for table in tables if table.name not in ("failures", "curves")]
+    part = Part(
+        name=session.folder.name,
+        title=session.experiment.title,
+        description=session.experiment.description,
+        sentence=answer_sentence(session.experiment, rows),
+        answer=answer_table(session.experiment, rows),
+        tables=[table for table in named if table.name not in SENSOR_TABLES],
+        sensor=[table for table in named if table.name in SENSOR_TABLES],
+        figures=sorted((session.folder / "figures").glob("*.png")),
+        failures=failures_markup(failures, command, records.keys(), folder, prefix),
+        config=_text(session.folder / "config.yaml"),
+        facts=_text(session.folder / "run.json"),
+        command=" ".join(command),
+    )
+    folders = dict.fromkeys(records, folder)
+    main = main_label(session.experiment)
+    drawn = [key for key, found in records.items() if found["repeat"] == 0]
+    first = next((key for key in drawn if records[key]["method"] == main), "")
+    return part, Shown(records, folders, _listed(rows, command), first)
+
+
+def plain_part(folder: Path, title: str, description: str, tables: Sequence[Table]) -> Part:
+    """What a page says of a results folder without trials, as of the precision of the sensor."""
+    return Part(
+        name=folder.name,
+        title=title,
+        description=description,
+        tables=[table for table in tables if table.name not in SENSOR_TABLES],
+        sensor=[table for table in tables if table.name in SENSOR_TABLES],
+        figures=sorted((folder / "figures").glob("*.png")),
+        config=_text(folder / "config.yaml"),
+        facts=_text(folder / "run.json"),
+    )
+
+
+def _listed(rows: pd.DataFrame, command: Sequence[str]) -> list[dict[str, Any]]:
+    """Every trial of the whole method for the list that is searched, the worst first."""
+    whole = rows[rows["given"] == ""]
+    bad = worst_first(whole)
+    good = whole.drop(bad.index).sort_values("translation_error_mm", ascending=False, kind="stable")
+    return [
+        {
+            "id": row["id"],
+            "pair": row["pair"],
+            "method": row["method"],
+            "repeat": int(row["repeat"]),
+            "status": row["status"],
+            "deg": _number(row["rotation_error_deg"]),
+            "mm": _number(row["translation_error_mm"]),
+            "command": replay_command(command, row["id"]),
+        }
+        for row in pd.concat([bad, good]).to_dict("records")
+    ]
+
+
+def _config_file(session: Session) -> Path:
+    """A config that makes the same trials: the run's own file, else the resolved one beside it."""
+    try:
+        same = load_experiment(session.file) == session.experiment
+    except ConfigError:
+        same = False
+    return session.file if same else session.folder / "config.yaml"
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), 6) if np.isfinite(value) else None
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8") if path.exists() else ""
