@@ -18,6 +18,7 @@ from experiments.chapters import (
     PartRun,
     load_chapters,
 )
+from experiments.chapters_page import write_chapters_page
 from experiments.cli import EXIT_INTERRUPTED, EXIT_OK
 from experiments.commands import available_cores, dry_run, replay, run_all
 from experiments.precision import run_precision
@@ -65,6 +66,7 @@ def run_chapters(
         write_tables([*tables, *quiet], folder / "tables")
         console.print()
         show_tables(console, tables)
+        write_chapters_page(experiment, folder, runs, results, [*tables, *quiet], make_executor)
     except KeyboardInterrupt:
         again = shlex.join(["run-experiment", *sys.argv[1:]])
         print(

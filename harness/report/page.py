@@ -75,6 +75,15 @@ class Shown:
     trials: Sequence[Mapping[str, Any]] = ()
     first: str = ""
 
+    def joined(self, other: Shown) -> Shown:
+        """What two experiments show, in one viewer."""
+        return Shown(
+            {**self.records, **other.records},
+            {**self.folders, **other.folders},
+            [*self.trials, *other.trials],
+            self.first or other.first,
+        )
+
 
 def page_markup(title: str, parts: Sequence[Part], shown: Shown) -> str:
     """The whole page.

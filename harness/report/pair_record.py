@@ -119,10 +119,10 @@ def stages(pair: PairView, layers: dict[str, Any], exact_known: bool) -> list[di
         text = "The source turned by the estimated rotation; the sensors still share an origin."
         steps.append(("Turned", text, ["points"], "rotation"))
         steps.append(("Registered", "The source moved by the estimated pose.",
-                      ["points", "frames"], "estimate"))  # fmt: skip
+                      ["points"], "estimate"))  # fmt: skip
     if exact_known:
         text = "The source moved by the exact pose, with the exact surfaces of the scene."
-        steps.append(("Exact pose", text, ["points", "surfaces", "frames"], "exact"))
+        steps.append(("Exact pose", text, ["points", "surfaces"], "exact"))
     return [
         {"name": name, "text": text, "layers": shown, "pose": pose}
         for name, text, shown, pose in steps
