@@ -121,8 +121,8 @@ def _parser() -> argparse.ArgumentParser:
         nargs=2,
         type=Path,
         metavar=("TARGET", "SOURCE"),
-        help="register two scans of your own, .3dx files or .npz files with points_mm (profiles, "
-        "pixels, 3); print the pose and write the merged cloud to DIR",
+        help="register two scans of your own: .3dx, organised .ply or .csv, or .npz files with "
+        "points_mm (profiles, pixels, 3); print the pose, write page and merged cloud to DIR",
     )
     parser.add_argument(
         "--step", type=_length, metavar="MM", help="for --register: distance between profiles"

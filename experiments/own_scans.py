@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import shlex
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from experiments.cli import EXIT_FAILED, EXIT_OK
 from experiments.terminal import make_console
 from harness.clouds import SOURCE_RGB, TARGET_RGB, measured_points, write_cloud
 from harness.config_errors import ConfigError
+from harness.report.own_page import write_own_page
 from harness.scoring import six_parameters
 from registration.calibration import CalibrationError, read_calibration
 from registration.methods import UnknownMethodError, find_method, register
@@ -34,7 +37,7 @@ def register_files(
     method: str,
     folder: Path | None,
 ) -> int:
-    """Register the source to the target, print the result, write the merged cloud.
+    """Register the source to the target, print the result, write page and merged cloud.
 
     Returns the exit status: EXIT_FAILED without an estimate. Raises ConfigError, one line, before
     anything is written.
@@ -50,10 +53,9 @@ def register_files(
         raise ConfigError("--register", (), str(error)) from None
     console = make_console()
     _tell(console, result)
-    pose = result.T_target_source
-    if pose is None:
+    if not (target.n_valid and source.n_valid):
         return EXIT_FAILED
-    merged = [measured_points(target), pose.apply(measured_points(source))]
+    pose = result.T_target_source
     facts = {
         "target": str(target_file),
         "source": str(source_file),
@@ -61,18 +63,26 @@ def register_files(
         "calibration": None if calibration_file is None else str(calibration_file),
         "status": result.status,
         "reason": result.reason,
-        "T_target_source": pose.as_matrix().tolist(),
+        "T_target_source": None if pose is None else pose.as_matrix().tolist(),
         "covariance": None if result.covariance is None else result.covariance.tolist(),
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        cloud = write_cloud(folder / "merged.ply", merged, [TARGET_RGB, SOURCE_RGB])
         answer = folder / "registration.json"
         answer.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+        page = write_own_page(
+            folder, (target_file, source_file), (target, source), method, result,
+            answer.read_text(encoding="utf-8"), shlex.join(["run-experiment", *sys.argv[1:]]),
+        )  # fmt: skip
+        written = [f"{page}  the pair in 3D, opens in any browser", str(answer)]
+        if pose is not None:
+            merged = [measured_points(target), pose.apply(measured_points(source))]
+            cloud = write_cloud(folder / "merged.ply", merged, [TARGET_RGB, SOURCE_RGB])
+            written.insert(1, f"{cloud}  target blue, source orange, in mm")
     except OSError as error:
         message = f"{folder} cannot be a results folder: {error.strerror}; give another"
         raise ConfigError("--out", (), message) from None
-    console.print(f"Written:\n  {cloud}  target blue, source orange, in mm\n  {answer}")
+    console.print("\n  ".join(["Written:", *written]), markup=False, soft_wrap=True)
     return EXIT_OK if result.status == "ok" else EXIT_FAILED
 
 

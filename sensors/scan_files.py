@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from registration.scan import FloatArray, Scan, ScanError
-from sensors import threedx
+from sensors import grid_files, threedx
+from sensors.grid_files import GridFileError
 from sensors.paths import ALONG_X
 from sensors.threedx_layout import ThreeDxError
 
@@ -22,11 +23,13 @@ class ScanFileError(ValueError):
 
 
 def read_scan(path: Path, step_mm: float | None, travel: FloatArray | None = None) -> Scan:
-    """Read a .3dx file, or an .npz file with points_mm (profiles, pixels, 3), NaN = no return.
+    """Read a .3dx file, an organised .ply or .csv file, or an .npz file with points_mm.
 
-    step_mm, travel: of the motion between profiles, as of Scan. A .3dx file does not hold them; an
-    .npz file may, by these names, beside `intensity` and `apex_mm`, and they are taken from there
-    when None is given. Without any travel the sensor moved along its own X.
+    points_mm: (profiles, pixels, 3), NaN = no return. sensors.grid_files says how .ply and .csv
+    files tell the profile and pixel of a point.
+    step_mm, travel: of the motion between profiles, as of Scan. Only an .npz file may hold them, by
+    these names, beside `intensity` and `apex_mm`, and they are taken from there when None is
+    given. Without any travel the sensor moved along its own X.
     Raises ScanFileError.
     """
     if path.is_dir():
@@ -39,7 +42,7 @@ def read_scan(path: Path, step_mm: float | None, travel: FloatArray | None = Non
         return reader(path, step_mm, travel)
     except OSError as error:
         raise ScanFileError(f"{path}: {error.strerror or 'cannot be read'}") from None
-    except ThreeDxError as error:
+    except (ThreeDxError, GridFileError) as error:
         raise ScanFileError(str(error)) from None
     except ScanError as error:
         raise ScanFileError(f"{path}: {error}") from None
@@ -47,11 +50,7 @@ def read_scan(path: Path, step_mm: float | None, travel: FloatArray | None = Non
 
 def _read_threedx(path: Path, step_mm: float | None, travel: FloatArray | None) -> Scan:
     raw = threedx.read(path)
-    if step_mm is None:
-        raise ScanFileError(
-            f"{path}: the file does not hold the step between profiles; give it, as --step"
-        )
-    return threedx.to_scan(raw, step_mm, ALONG_X if travel is None else travel)
+    return threedx.to_scan(raw, _given(path, step_mm), ALONG_X if travel is None else travel)
 
 
 def _read_npz(path: Path, step_mm: float | None, travel: FloatArray | None) -> Scan:
@@ -76,6 +75,25 @@ def _read_npz(path: Path, step_mm: float | None, travel: FloatArray | None) -> S
     )
 
 
+def _read_csv(path: Path, step_mm: float | None, travel: FloatArray | None) -> Scan:
+    points_mm, intensity = grid_files.read_csv(path)
+    along = ALONG_X if travel is None else travel
+    return Scan.from_points(points_mm, _given(path, step_mm), intensity, travel=along)
+
+
+def _read_ply(path: Path, step_mm: float | None, travel: FloatArray | None) -> Scan:
+    along = ALONG_X if travel is None else travel
+    return Scan.from_points(grid_files.read_ply(path), _given(path, step_mm), travel=along)
+
+
+def _given(path: Path, step_mm: float | None) -> float:
+    if step_mm is None:
+        raise ScanFileError(
+            f"{path}: the file does not hold the step between profiles; give it, as --step"
+        )
+    return step_mm
+
+
 def _load_npz(path: Path) -> dict[str, Any]:
     try:
         with np.load(path, allow_pickle=False) as archive:
@@ -88,4 +106,6 @@ def _load_npz(path: Path) -> dict[str, Any]:
 READERS: dict[str, Callable[[Path, float | None, FloatArray | None], Scan]] = {
     ".3dx": _read_threedx,
     ".npz": _read_npz,
+    ".ply": _read_ply,
+    ".csv": _read_csv,
 }

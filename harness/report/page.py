@@ -147,8 +147,11 @@ def _part(part: Part, figures: str, alone: bool, viewer: str) -> str:
         body = "\n".join(table_markup(t, f"{prefix}{t.name}") for t in part.sensor)
         pieces.append(section(f"{prefix}sensor", "The sensor", body, level))
     made = command_markup(part.command) if part.command else ""
-    made += details("config.yaml, every default written out", _text(part.config))
-    made += details("run.json: versions, commit, machine", _text(part.facts))
+    for name, text in (
+        ("config.yaml, every default written out", part.config),
+        ("What was noted: versions, machine, answer", part.facts),
+    ):
+        made += details(name, _text(text)) if text else ""
     pieces.append(section(f"{prefix}made", "How it was made", made, level))
     body = "\n".join(pieces)
     return body if alone else section(part.name, part.title, body)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 
@@ -51,6 +52,11 @@ def test_files_of_a_jupiter_are_registered(
     assert np.rad2deg(error.rotation_rad) < 0.05
     assert error.translation_mm < 0.5
     assert f"{T_found.translation[1]:.3f}" in shown
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "source.3dx was registered to target.3dx by gauss_sphere: ok." in page
+    record = json.loads(gzip.decompress((out / "pairs" / "trial_own.json.gz").read_bytes()))
+    assert record["poses"] == {"estimate": answer["T_target_source"], "exact": None}
+    assert record["error"] is record["overlap"] is None
     clouds = [threedx.to_scan(threedx.read(file), 5.0) for file in (target, source)]
     merged = trimesh.load(out / "merged.ply")
     assert len(merged.vertices) == sum(cloud.n_valid for cloud in clouds)
