@@ -1,13 +1,14 @@
-"""Worker processes that start at once: forked from a server that has imported everything."""
+"""Where trials are performed: worker processes on this machine, or those of a Dask cluster."""
 
 from __future__ import annotations
 
 import multiprocessing
-import signal
-from collections.abc import Callable
-from concurrent.futures import Executor, ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
 from multiprocessing import forkserver
 
+from harness.supervise import Workers
 from harness.threads import limit_threads
 
 MakeExecutor = Callable[[], Executor]
@@ -23,10 +24,25 @@ def start_server() -> None:
 def process_pool(workers: int) -> MakeExecutor:
     """What makes a pool of so many processes, each of one thread."""
     start_server()
-    context = multiprocessing.get_context("forkserver")
-    return lambda: ProcessPoolExecutor(workers, mp_context=context, initializer=_ignore_interrupts)
+    return lambda: Workers(workers)
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of the terminal; the main one decides what happens."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def slots_of(executor: Executor) -> int:
+    """How many trials an executor performs at once."""
+    slots: int = getattr(executor, "slots", 0) or getattr(executor, "_max_workers", 1)
+    return slots
+
+
+@contextmanager
+def shutting_down(executor: Executor) -> Iterator[Executor]:
+    """Close an executor in the end; at once, without its pending work, when something is raised."""
+    try:
+        yield executor
+    except BaseException:
+        stop = getattr(executor, "stop", None)
+        if stop is None:
+            executor.shutdown(wait=False, cancel_futures=True)
+        else:
+            stop()
+        raise
+    executor.shutdown()

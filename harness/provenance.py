@@ -21,8 +21,8 @@ ROOT = Path(__file__).resolve().parent.parent
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 CODE = ("registration", "scenes", "sensors")
 CODE_OF_TRIALS = (
-    "bound", "common_points", "diagnosis", "execution", "random_pairs", "scoring", "trials",
-    "views",
+    "bound", "choices", "common_points", "diagnosis", "execution", "random_pairs", "scoring",
+    "trials", "views",
 )  # fmt: skip
 
 

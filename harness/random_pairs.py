@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -90,6 +90,12 @@ class RandomSpec:
     def text(self) -> str:
         """Its canonical JSON."""
         return joined_json(self)
+
+    @property
+    def scan_key(self) -> Hashable:
+        """Trials with equal ones share their pair and both scans."""
+        scan = self.profiles, self.step_mm, self.repeat, self.seed
+        return self.rules.text, self.sensor.text, scan
 
     def pair_key(self) -> str:
         """All that determines the pair: not the method, nor the noise of the sensor."""

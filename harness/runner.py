@@ -4,30 +4,22 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.pool import MakeExecutor
+from harness.batches import Batches
+from harness.child import Task as Task
+from harness.cluster import is_loss
+from harness.limits import NO_LIMITS, Limits
+from harness.pool import MakeExecutor, shutting_down, slots_of
 from harness.store import Row, Store
-from harness.trials import Trial
+from harness.supervise import Ended, perform_all
 
-
-@dataclass(frozen=True)
-class Task:
-    """A trial to perform, whether its row is wanted, and what to draw of it.
-
-    pictures: folder for the pair's figures, or None. clouds: folder for its PLY files, or None.
-    records: folder for what the report shows of it in 3D, or None.
-    """
-
-    trial: Trial
-    keep: bool
-    pictures: Path | None = None
-    clouds: Path | None = None
-    records: Path | None = None
+# Batches at a worker and on the way to it, so that it never waits for the next.
+AHEAD = 2
+# Times that a batch is sent out again when the machine that had it is lost.
+ATTEMPTS = 3
 
 
 @dataclass(frozen=True)
@@ -40,81 +32,52 @@ class Done:
     drawing_error: str = ""
 
 
-def work(task: Task) -> Done:
-    """Perform one task; runs in a worker."""
-    from harness.execution import perform
-
-    outcome = perform(task.trial)
-    files: list[Path] = []
-    try:
-        if outcome.pair is not None and task.pictures is not None:
-            from harness.figures import draw_pair
-
-            files += draw_pair(outcome.pair, task.pictures)
-        if outcome.pair is not None and task.clouds is not None:
-            from harness.clouds import write_clouds
-
-            files += write_clouds(outcome.pair, task.clouds)
-        if outcome.pair is not None and task.records is not None:
-            from harness.report.records import keep
-
-            files += keep(outcome.pair, task.trial, task.records, task.pictures is not None)
-    except Exception as error:
-        problem = f"{type(error).__name__}: {error}".splitlines()[0]
-        return Done(task, outcome.row, tuple(files), problem)
-    return Done(task, outcome.row, tuple(files))
-
-
 def run(
-    tasks: Sequence[Task], store: Store, code: str, make_executor: MakeExecutor
+    tasks: Sequence[Task],
+    store: Store,
+    code: str,
+    make_executor: MakeExecutor,
+    limits: Limits = NO_LIMITS,
 ) -> Iterator[Done]:
     """Perform the tasks, committing each row before it is handed on, in the order they end.
 
-    make_executor: makes an executor of the concurrent.futures interface; called again when a
-        worker process died. Whoever stops consuming, stops the run; what was handed on is kept.
+    make_executor: makes an executor of the concurrent.futures interface. Whoever stops consuming,
+        stops the run; what was handed on is kept.
     """
-    waiting = deque(tasks)
-    suspects: deque[Task] = deque()
-    while waiting or suspects:
-        alone = bool(suspects)
-        queue = suspects if alone else waiting
-        with _shutting_down(make_executor()) as executor:
-            running: dict[Future[Done], Task] = {}
-            try:
-                while queue or running:
-                    # Few ahead of the workers: a stop loses little, and a death suspects few.
-                    while queue and len(running) < (1 if alone else 8):
-                        task = queue.popleft()
-                        running[executor.submit(work, task)] = task
-                    for future in wait(running, return_when=FIRST_COMPLETED).done:
-                        done = future.result()
-                        del running[future]
-                        if done.task.keep:
-                            store.add(done.row, code)
-                        yield done
-            except BrokenProcessPool:
-                # One of these killed its process. Alone in a new pool, the guilty one shows.
-                if not alone:
-                    suspects.extend(running.values())
+    batches = Batches(tasks)
+    again: deque[tuple[list[Task], int]] = deque()  # batches that were lost, and how often
+    running: dict[Future[list[Ended]], tuple[list[Task], int]] = {}
+    with shutting_down(make_executor()) as executor:
+        while batches or again or running:
+            while (batches or again) and len(running) < AHEAD * slots_of(executor):
+                batch, lost = again.popleft() if again else (batches.next(slots_of(executor)), 0)
+                running[executor.submit(perform_all, batch, limits)] = batch, lost
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                batch, lost = running.pop(future)
+                error = future.exception()
+                if error is None:
+                    ended = future.result()
+                    batches.learn(batch, [each.seconds for each in ended])
+                elif not is_loss(error):
+                    raise error
+                elif lost + 1 < ATTEMPTS:
+                    again.append((batch, lost + 1))
                     continue
-                (task,) = running.values()
-                spec = task.trial.spec.text
-                reason = "its process died, as by a lack of memory or a crash in a library"
-                row = Row(task.trial.id, spec, "error", reason=reason)
-                if task.keep:
-                    store.add(row, code)
-                yield Done(task, row)
+                else:
+                    ended = [_lost(task) for task in batch]
+                yield from _kept(batch, ended, store, code)
 
 
-@contextmanager
-def _shutting_down(executor: Executor) -> Iterator[Executor]:
-    """Close an executor in the end; at once, without its pending work, when something is raised."""
-    try:
-        yield executor
-    except BaseException:
-        processes = list((getattr(executor, "_processes", None) or {}).values())
-        executor.shutdown(wait=False, cancel_futures=True)
-        for process in processes:
-            process.terminate()
-        raise
-    executor.shutdown()
+def _kept(batch: list[Task], ended: list[Ended], store: Store, code: str) -> Iterator[Done]:
+    done = [
+        Done(task, each.row, each.drawn.files, each.drawn.error)
+        for task, each in zip(batch, ended, strict=True)
+    ]
+    store.add_all((each.row for each in done if each.task.keep), code)
+    yield from done
+
+
+def _lost(task: Task) -> Ended:
+    trial = task.trial
+    reason = f"{ATTEMPTS} machines that had it were lost"
+    return Ended(Row(trial.id, trial.spec.text, "error", reason=reason), 0.0)

@@ -106,7 +106,7 @@ def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
                     keep,
                     pictures if draw else None,
                     clouds if draw else None,
-                    session.folder / RECORDS,
+                    session.folder / RECORDS if session.experiment.sweep is None else None,
                 )
             )
     reused = sum(identity in done for identity in ids)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -72,6 +72,12 @@ class TrialSpec:
         """All that determines the overlap of the pair."""
         return self.place_key(self.target) + self.place_key(self.source)
 
+    @property
+    def scan_key(self) -> Hashable:
+        """Trials with equal ones share both scans; made of texts that are at hand."""
+        views = self.target.text, self.source.text, self.repeat, self.seed
+        return self.scene.text, self.sensor.text, self.profiles, self.step_mm, views
+
     def view_rng(self, view: ViewSpec) -> np.random.Generator:
         """The random numbers of a view's scan, keyed by its coordinates and nothing else."""
         digest = hashlib.sha256(self.view_key(view).encode()).digest()
@@ -92,6 +98,10 @@ class Spec(Protocol):
     @property
     def text(self) -> str:
         """The canonical JSON of all of it."""
+
+    @property
+    def scan_key(self) -> Hashable:
+        """Trials with equal ones share both scans."""
 
     @property
     def sensor(self) -> Chosen:

@@ -26,7 +26,7 @@ def test_a_process_that_dies_costs_its_own_row_only(small_file: Path, tmp_path: 
     rows = load(session.folder).set_index("method")
     assert set(rows.loc["own_methods:give_up", "status"]) == {"failed"}
     assert set(rows.loc["own_methods:die", "reason"]) == {
-        "its process died, as by a lack of memory or a crash in a library"
+        "its process died twice (exit status 3), as by a lack of memory or a crash in a library"
     }
     assert set(rows.loc["own_methods:crash", "reason"]) == {"ZeroDivisionError: a bug"}
 

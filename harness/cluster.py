@@ -1,0 +1,88 @@
+"""Workers on other machines: a Dask scheduler as an executor like that of this machine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Executor, Future
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+WAIT_S = 15.0  # for the scheduler, and then for a first worker
+LOOK_EVERY_S = 5.0  # at how many workers there are: they may come and go
+
+
+class ClusterError(RuntimeError):
+    """A cluster that cannot be used; the message says the way out."""
+
+
+def cluster_pool(address: str) -> Callable[[], Executor]:
+    """What makes an executor of the cluster whose scheduler listens there; raises ClusterError."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ClusterError(
+            "--scheduler needs the library distributed; install it with: pip install '.[cluster]'"
+        ) from None
+    try:
+        connect: Any = Client  # Dask has no types
+        client = connect(address, timeout=WAIT_S, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        told = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ClusterError(
+            f"no scheduler answers at {address} ({told}); start one by: dask scheduler"
+        ) from None
+    try:
+        client.wait_for_workers(1, timeout=WAIT_S)
+    except TimeoutError:
+        client.close()
+        raise ClusterError(
+            f"no worker has joined {address} within {WAIT_S:g} s; start one by: "
+            f"dask worker {address}"
+        ) from None
+    return lambda: _Cluster(client, address)
+
+
+def is_loss(error: BaseException) -> bool:
+    """Whether a batch failed since the machines that had it are gone, so that it may be sent again.
+
+    Raises ClusterError when the scheduler is gone.
+    """
+    if isinstance(error, CancelledError):
+        raise ClusterError(
+            "the scheduler is gone; the rows so far are kept: start it and its workers, then give "
+            "the same command again"
+        )
+    return type(error).__name__ == "KilledWorker"
+
+
+class _Cluster(Executor):
+    """Dask's own executor, and how many trials its workers perform at once."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client, self._address = client, address
+        self._executor = client.get_executor(retries=0)
+        self._slots, self._looked = 1, -LOOK_EVERY_S
+
+    @property
+    def slots(self) -> int:
+        """The threads of all workers, each of which has a process for trials."""
+        if time.monotonic() - self._looked > LOOK_EVERY_S:
+            self._slots = max(1, sum(self._client.nthreads().values()))
+            self._looked = time.monotonic()
+        return self._slots
+
+    def submit(self, function: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        """Call a function on some worker."""
+        future: Future[T] = self._executor.submit(function, *arguments, **named)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Leave the cluster; it goes on to serve others."""
+        self._executor.shutdown(wait=wait and not cancel_futures)
+        self._client.close()
+
+    def stop(self) -> None:
+        """Leave at once, and drop what was asked for."""
+        self.shutdown(wait=False, cancel_futures=True)
