@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.projections.polar import PolarAxes
 
 from experiments.profile_pairs import ProfilePair
@@ -28,6 +29,9 @@ from registration.planar.pipeline import PlanarEvidence
 from registration.scan import FloatArray, Scan
 
 FOOT_IN = 0.85
+HALO: list[AbstractPathEffect] = [
+    withStroke(linewidth=2.5, foreground="white")
+]  # names stay readable on lines
 COLOURS = (TARGET, SOURCE)
 MARGIN_MM = 25.0
 NORMAL_MM = 35.0
@@ -61,7 +65,8 @@ def draw_segments(pair: ProfilePair, evidence: PlanarEvidence, where: str) -> Fi
         for k, (point, arrow) in enumerate(zip(middle, normal, strict=True)):
             _arrow(ax, point, point + arrow, INK)
             y_mm, z_mm = point + 1.45 * arrow
-            ax.text(y_mm, z_mm, f"{letter}{k + 1}", ha="center", va="center", size=9)
+            name = ax.text(y_mm, z_mm, f"{letter}{k + 1}", ha="center", va="center", size=9)
+            name.set_path_effects(HALO)
     return figure
 
 
@@ -123,9 +128,10 @@ def draw_shift(pair: ProfilePair, evidence: PlanarEvidence, where: str) -> Figur
         _arrow(ax, turned[1][j], target.centroid_mm[i, 1:], INK)
     for points, letter, below in ((target.centroid_mm[:, 1:], "T", 7), (turned[1], "S", -14)):
         for k, point in enumerate(points):
-            ax.annotate(
+            name = ax.annotate(
                 f"{letter}{k + 1}", point, (0, below), textcoords="offset points", ha="center"
             )
+            name.set_path_effects(HALO)
     _name_colours(ax, pair, (1.0, 1.0), "turned source")
     return figure
 

@@ -26,6 +26,7 @@ from harness.figures_page import (
     WIDTH_IN,
     Style,
     add_axes,
+    amount,
     new_figure,
     save,
 )
@@ -100,8 +101,8 @@ def draw_series(
     open_ = rows[rows["rotation_x_deg"].isna()]
     note = (
         f"{len(rows)} pairs of profiles: {len(rows) - left_out - len(open_)} in the mean, "
-        f"{left_out} outliers (a parameter farther than 5.2 median absolute deviations from the "
-        f"median), {len(open_)} without an answer."
+        f"{amount(left_out, 'outlier')} (a parameter farther than 5.2 median absolute deviations "
+        f"from the median), {len(open_)} without an answer."
     )
     height = HEAD_IN + FOOT_IN + len(series) * high_in + (len(series) - 1) * 0.35
     quantity = "Rotation" if len(series) == 1 else "Translation"

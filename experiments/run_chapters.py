@@ -43,6 +43,8 @@ def run_chapters(
     redraw: bool,
 ) -> int:
     """Run what is missing of every part, then sum all up; returns the exit status."""
+    from experiments.draw_chapters import draw_chapters  # it brings matplotlib
+
     experiment, runs = load_chapters(path, folder, overrides, seed)
     if redraw:
         _check_rows(runs)
@@ -63,7 +65,8 @@ def run_chapters(
             results.append(result)
         _write_facts(experiment, folder)
         tables, quiet = summary_tables(results)
-        write_tables([*tables, *quiet], folder / "tables")
+        figures = draw_chapters(results, folder / "figures", make_executor)
+        write_tables([*tables, *quiet, figures], folder / "tables")
         console.print()
         show_tables(console, tables)
         write_chapters_page(experiment, folder, runs, results, [*tables, *quiet], make_executor)

@@ -29,6 +29,7 @@ NORMAL_COLOURS = (
     "#332288", "#CC6677", "#117733", "#DDCC77", "#88CCEE", "#882255", "#44AA99", "#AA4499",
     "#999933",
 )  # fmt: skip
+ANGLE = "Angle of the normal, from facing the\nsensor towards the right (degrees)"
 LABEL_DISTANCE_MM = 26.0  # two numbers closer than this would run into each other
 LABEL_ROOM_MM = 11.0  # a patch has to be this wide to hold a number
 
@@ -45,17 +46,22 @@ def draw_segments(pair: PairView, segments: tuple[Segments, Segments], title: st
     )
     drawn = None
     for column, lines in enumerate(segments):
-        angle_deg = np.rad2deg(np.arctan2(lines.normal[:, 1], -lines.normal[:, 2]))
         for row, projection in enumerate((FRONT, TOP)):
-            drawn = LineCollection(
-                list(lines.endpoints_mm[:, :, [projection.right, projection.up]]),
-                array=angle_deg, cmap="viridis", clim=(-90.0, 90.0), lw=1.0,
-            )  # fmt: skip
-            axes[row][column].add_collection(drawn)
+            drawn = add_segments(axes[row][column], lines, projection)
     if drawn is not None:
-        label = "Angle of the normal, from facing the\nsensor towards the right (degrees)"
-        add_bar(figure, axes, drawn, label).set_ticks([-90, -45, 0, 45, 90])
+        add_bar(figure, axes, drawn, ANGLE).set_ticks([-90, -45, 0, 45, 90])
     return figure
+
+
+def add_segments(ax: Axes, lines: Segments, projection: Projection) -> LineCollection:
+    """Draw line segments, coloured by the angle of their normal."""
+    drawn = LineCollection(
+        list(lines.endpoints_mm[:, :, [projection.right, projection.up]]),
+        array=np.rad2deg(np.arctan2(lines.normal[:, 1], -lines.normal[:, 2])),
+        cmap="viridis", clim=(-90.0, 90.0), lw=1.0,
+    )  # fmt: skip
+    ax.add_collection(drawn)
+    return drawn
 
 
 def draw_patches(
@@ -85,7 +91,7 @@ def draw_patches(
     for column, view in enumerate(views):
         colours = normal_colours(len(view.sphere), matches[:, column])
         for row, projection in enumerate((FRONT, TOP)):
-            _draw_patches(axes[row][column], view.patches, view.sphere.member, colours, projection)
+            add_patches(axes[row][column], view.patches, view.sphere.member, colours, projection)
     return figure
 
 
@@ -106,9 +112,13 @@ def sorted_matches(matches: IntArray, target_weight: FloatArray) -> IntArray:
     return ordered
 
 
-def _draw_patches(
+def add_patches(
     ax: Axes, patches: Patches, member: IntArray, colours: list[str], projection: Projection
 ) -> None:
+    """Draw patches (m of them) with the number and the colour of their normal.
+
+    member: (m,) normal of each. colours: of every normal.
+    """
     outline = patches.corners_mm[:, :, [projection.right, projection.up]]
     order = np.argsort(-patches.area_mm2, kind="stable")  # small ones on top of large ones
     for intermediate in (False, True):

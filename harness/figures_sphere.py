@@ -17,6 +17,7 @@ from registration.thesis.gauss_sphere import GaussSphere
 LARGEST_PT2 = 420.0  # area of the marker of the heaviest normal of both views
 NUMBERED = 12  # normals a view that get their number, heaviest first
 POINTS_PER_RADIUS = 75.0  # of the sphere on the page
+SIDES = np.deg2rad([0.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0])
 NUMBER_DISTANCE = 0.13  # of the sphere's radius, between two numbers
 
 
@@ -26,9 +27,9 @@ def draw_gauss_spheres(
     """Both spheres seen from the sensor, and the source's turned onto the target's."""
     note = (
         "Area of a marker: area of the patches with this normal. Number: its rank, up to "
-        f"{NUMBERED}. Colour: as in the figure of the patches. The centre faces the sensor, the "
-        "rim is seen edge-on; circles 30, 60 and 90 degrees from the centre. On the right, pale: "
-        "turned away from the target's sensor."
+        f"{NUMBERED}. Colour: matched normals have the same one; grey: unmatched. The centre faces "
+        "the sensor, the rim is seen edge-on; circles 30, 60 and 90 degrees from the centre. On "
+        "the right, pale: turned away from the target's sensor."
     )
     figure = new_figure(f"{title}\nModified Gauss spheres, seen from the sensor", 4.7, note)
     side_in = 2.4
@@ -37,14 +38,14 @@ def draw_gauss_spheres(
     names = (("Target", pair.target_view, "o"), ("Source", pair.source_view, "D"))
     for column, ((role, view, marker), sphere) in enumerate(zip(names, spheres, strict=True)):
         ax = axes[column]
-        _draw_globe(ax)
+        add_globe(ax)
         size = np.maximum(LARGEST_PT2 * sphere.weight / heaviest, 8.0)
         colours = normal_colours(len(sphere), matches[:, column])
         ax.scatter(
             sphere.direction[:, 1], sphere.direction[:, 0], s=size, c=colours,
             marker=marker, edgecolors=INK, lw=0.6, alpha=0.85, zorder=3,
         )  # fmt: skip
-        _number(ax, sphere, size)
+        add_numbers(ax, sphere, size)
         area = 1e-2 * float(sphere.weight.sum())
         ax.set_title(f"{role}: {view} view\n{amount(len(sphere), 'normal')}, {area:.0f} cm²")
     pose = pair.result.T_target_source
@@ -58,7 +59,7 @@ def draw_gauss_spheres(
 def _draw_turned(
     ax: Axes, spheres: tuple[GaussSphere, GaussSphere], turn: Rotation, heaviest: float
 ) -> None:
-    _draw_globe(ax)
+    add_globe(ax)
     target, source = spheres
     turned = turn.apply(source.direction) if len(source) else np.zeros((0, 3))
     for direction, weight, marker, colour, role in (
@@ -76,7 +77,7 @@ def _draw_turned(
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, columnspacing=1.0)
 
 
-def _draw_globe(ax: Axes) -> None:
+def add_globe(ax: Axes) -> None:
     """The hemisphere towards the sensor as a graticule of circles and meridians."""
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     for angle_deg in (30, 60, 90):
@@ -91,16 +92,30 @@ def _draw_globe(ax: Axes) -> None:
     ax.grid(visible=False)
 
 
-def _number(ax: Axes, sphere: GaussSphere, size_pt2: FloatArray) -> None:
-    """Write the rank beside each marker, away from the centre, where there is more room."""
-    placed = np.zeros((0, 2))
-    for rank, tip in enumerate(sphere.direction[:NUMBERED, [1, 0]]):
-        radius = float(np.sqrt(size_pt2[rank] / np.pi)) / POINTS_PER_RADIUS
-        outward = tip / max(float(np.linalg.norm(tip)), 1e-9)
-        at = tip + (radius + 0.06) * outward
-        if (np.linalg.norm(placed - at, axis=1) < NUMBER_DISTANCE).any():
+def add_numbers(
+    ax: Axes,
+    sphere: GaussSphere,
+    size_pt2: FloatArray,
+    points_per_radius: float = POINTS_PER_RADIUS,
+) -> None:
+    """Write the rank beside each marker, outwards where there is room, else on another side.
+
+    size_pt2: (k,) areas of the markers. A rank that no side has room for is left out.
+    """
+    tips = sphere.direction[:, [1, 0]]
+    radius = np.sqrt(size_pt2 / np.pi) / points_per_radius
+    taken, room = tips, radius + 0.5 * NUMBER_DISTANCE
+    for rank, tip in enumerate(tips[:NUMBERED]):
+        outward = np.arctan2(tip[1], tip[0])
+        for turn in SIDES:
+            angle = outward + turn
+            at = tip + (radius[rank] + 0.07) * np.array([np.cos(angle), np.sin(angle)])
+            others = np.arange(len(taken)) != rank
+            if (np.linalg.norm(taken - at, axis=1)[others] > room[others]).all():
+                break
+        else:
             continue
-        placed = np.vstack([placed, at])
+        taken, room = np.vstack([taken, at]), np.append(room, NUMBER_DISTANCE)
         text = ax.text(float(at[0]), float(at[1]), str(rank + 1), ha="center", va="center", size=8)
         text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
         text.set_zorder(5)

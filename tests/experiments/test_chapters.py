@@ -7,10 +7,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
+from experiments.chapter_figures import FIGURES, PLANAR_FIGURES
+from experiments.chapter_summary import PartResult
 from experiments.chapters import load_chapters
 from experiments.cli import main
+from experiments.draw_chapters import draw_numbered, figure_table, shown_trials
 from experiments.medians import median_interval, rate
+from harness.schema import Experiment
 from harness.store import load
 
 ROOT = Path(__file__).parents[2]
@@ -29,6 +34,8 @@ SMALL = [
     f"parts.desk_virtual.set={{scan: {{profiles: 24}}, {METHODS}}}",
     f"parts.desk.set={{repeats: 2, scan: {{profiles: 30}}, {METHODS}}}",
 ]
+# Five profiles make no patch.
+BLIND = ["parts.desk.set={repeats: 1, scan: {profiles: 5}}"]
 
 
 def options(out: Path, *more: str) -> list[str]:
@@ -94,6 +101,55 @@ def test_the_calibration_of_the_run_is_used_and_every_part_is_told(out: Path) ->
     assert len(table(out, "seconds")) == 2 + 3 + 2 * 2 + 2 * 3
     assert table(out, "section_6.2")["Thesis, theoretical"].tolist()[1:] == [-58.4, -458.2, 383.2]
     assert (out / "tables" / "sensor_card.md").exists()
+
+
+def test_every_figure_of_the_thesis_is_drawn_or_told_why_not(out: Path) -> None:
+    ranges = {4: [(4, 9)], 5: [(2, 2), (7, 9)], 6: [(2, 9), (12, 30)]}
+    expected = [
+        f"{chapter}.{n}" for chapter, parts in ranges.items()
+        for low, high in parts for n in range(low, high + 1)
+    ]  # fmt: skip
+    listed = pd.read_csv(out / "tables" / "figures.csv", dtype=str)
+    assert listed["Figure"].tolist() == expected
+    assert sorted(f.number for f in (*FIGURES, *PLANAR_FIGURES)) == sorted(expected)
+    drawn = listed[~listed["File"].str.startswith("none: ")]
+    assert len(drawn) >= len(listed) - 4  # in views of 30 profiles not every pair is answered
+    files = {path.name for path in (out / "figures").iterdir()}
+    assert files == set(drawn["File"])
+    for name in files:
+        with Image.open(out / "figures" / name) as image:
+            page = np.asarray(image.convert("L"))
+        assert (page < 250).mean() > 0.01, name
+        assert page.shape[1] == 1080
+
+
+def test_the_first_repeat_that_was_answered_is_drawn(out: Path) -> None:
+    runs = {run.name: run for run in load_chapters(THESIS, None)[1]}
+    session = runs["desk"].session()
+    trials = [t for t in session.trials if t.label == "thesis" and not t.spec.given]
+    by_repeat = {(t.pair, t.spec.repeat): t.id for t in trials}
+    ok = {by_repeat["6.4", 1], by_repeat["6.4", 2], by_repeat["6.5", 2], by_repeat["6.5", 3]}
+    rows = pd.DataFrame({"id": list(by_repeat.values())})
+    rows["status"] = ["ok" if identity in ok else "failed" for identity in rows["id"]]
+    assert isinstance(session.experiment, Experiment)
+    part = PartResult("desk", (), session.experiment, session.trials, rows)
+    assert [(t.pair, t.spec.repeat) for t in shown_trials(part)] == [("6.4", 2), ("6.5", 2)]
+    rows["status"] = "failed"
+    assert {t.spec.repeat for t in shown_trials(part)} == {0}
+
+
+def test_a_figure_without_evidence_is_listed_with_the_reason(tmp_path: Path) -> None:
+    session = {run.name: run for run in load_chapters(THESIS, None, BLIND)[1]}["desk"].session()
+    assert isinstance(session.experiment, Experiment)
+    rows = pd.DataFrame({"id": [], "status": []})
+    part = PartResult("desk", (), session.experiment, session.trials, rows)
+    numbers = ["5.8", "6.24", "6.30"]
+    drawings = {d.number: d for d in draw_numbered(shown_trials(part), numbers, tmp_path)}
+    assert drawings["6.24"].file == "figure_6.24.png"
+    assert drawings["5.8"].file == drawings["6.30"].file == ""
+    assert "no pair was answered" in drawings["6.30"].problem
+    assert [path.name for path in tmp_path.iterdir()] == ["figure_6.24.png"]
+    assert figure_table(list(drawings.values())).frame["File"].str.startswith("none: ").sum() == 2
 
 
 def test_a_second_run_reuses_every_row_and_writes_the_same_tables(
