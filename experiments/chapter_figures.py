@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from experiments import planar_figures as planar
 from experiments.profile_figures import SERIES, draw_series
 from experiments.profile_pairs import ProfilePair
-from harness.clouds import measured_points
 from harness.figures_matching import (
     FourPatches,
     draw_four_shifts,
@@ -31,12 +30,10 @@ from harness.figures_views import (
     draw_view_sphere,
     telling_profile,
 )
-from harness.multiview import NO_COVARIANCE, middle_view, poses_in, usable
-from harness.overview import superposition
+from harness.overview import draw_superposed_pairs
 from harness.pair_view import PairView
 from registration.planar.pipeline import PlanarEvidence
-from registration.pose_graph import RelativePose
-from registration.scan import FloatArray, Scan
+from registration.scan import Scan
 from registration.thesis.evidence import ViewEvidence
 from registration.thesis.translation import Shifts
 
@@ -179,24 +176,10 @@ def _superposition(pairs: Pairs, title: str) -> Figure:
     return draw_superposition(pair, title)
 
 
-def draw_three_views(pairs: Pairs, title: str) -> Figure:
-    """All views of some pairs in the frame of the middle one, by the estimates and exactly."""
-    points_mm: dict[str, FloatArray] = {}
-    estimated, exact = [], []
-    for pair in pairs.values():
-        views = pair.target_view, pair.source_view
-        for view, scan in zip(views, (pair.target, pair.source), strict=True):
-            points_mm[view] = measured_points(scan)
-        exact.append(RelativePose(*views, pair.T_target_source_exact, NO_COVARIANCE))
-        pose = pair.result.T_target_source
-        if pose is not None:
-            estimated.append(RelativePose(*views, pose, usable(pair.result.covariance)))
-    if not estimated:
+def _all_views(pairs: Pairs, title: str) -> Figure:
+    if all(pair.result.T_target_source is None for pair in pairs.values()):
         raise MissingEvidenceError("no pair was answered")
-    points_mm = dict(sorted(points_mm.items()))  # the same colours whatever pair comes first
-    reference = middle_view(exact, list(points_mm))
-    poses, truth = (poses_in(reference, links) for links in (estimated, exact))
-    return superposition(points_mm, poses, truth, title)
+    return draw_superposed_pairs(list(pairs.values()), title)
 
 
 FOAM, LEFT, RIGHT = ("6.1",), ("6.2",), ("6.3",)
@@ -257,7 +240,7 @@ FIGURES: tuple[Numbered, ...] = (
              RIGHT, _superposition),
     Numbered("6.23", "desk without noise, three views superposed",
              "Left against right: by the estimates as thin as by the exact poses?",
-             LEFT + RIGHT, draw_three_views),
+             LEFT + RIGHT, _all_views),
     Numbered("6.24", "desk with noise, left view, measurements", RAW,
              NEAR, _measurements("6.4", "left")),
     Numbered("6.25", "desk with noise, center view, measurements", RAW,
@@ -272,7 +255,7 @@ FIGURES: tuple[Numbered, ...] = (
              FAR, _patches("6.5", "right")),
     Numbered("6.30", "desk with noise, three views superposed",
              "Left against right: by the estimates as thin as by the exact poses?",
-             NEAR + FAR, draw_three_views),
+             NEAR + FAR, _all_views),
 )  # fmt: skip
 
 PLANAR_FIGURES: tuple[NumberedPlanar, ...] = (

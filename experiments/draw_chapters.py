@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -19,10 +20,12 @@ from experiments.profile_pairs import register_profiles
 from harness.execution import perform
 from harness.figures_page import Style, save
 from harness.pool import MakeExecutor
+from harness.provenance import code_fingerprint
 from harness.table_files import Table
 from harness.trials import Trial
 
 METHOD = "thesis"
+LIST = "drawn.json"
 
 
 class Drawing(NamedTuple):
@@ -34,28 +37,53 @@ class Drawing(NamedTuple):
     problem: str = ""
 
 
-def draw_chapters(parts: Sequence[PartResult], folder: Path, make_executor: MakeExecutor) -> Table:
-    """Draw every numbered figure that these parts have results for; returns their list."""
+def draw_chapters(
+    parts: Sequence[PartResult], folder: Path, make_executor: MakeExecutor, redraw: bool = True
+) -> Table:
+    """Draw every numbered figure that these parts have results for; returns their list.
+
+    redraw: also those that were drawn before of the same trials by the same code.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("figure_*.png"):
-        old.unlink()
+    shown = [(part, _trials_of(part)) for part in parts if part.rows is not None]
+    of = [code_fingerprint(()), *(trial.id for _, trials in shown for trial in trials)]
+    kept = None if redraw else _kept(folder, of)
+    if kept is not None:
+        return figure_table(kept)
+    for old in (folder / LIST, *folder.glob("figure_*.png")):
+        old.unlink(missing_ok=True)
     with make_executor() as executor:
         jobs = []
-        for part in parts:
-            if part.rows is None:
+        for part, trials in shown:
+            if part.rows is not None and "profile" in part.rows:
+                jobs.append(executor.submit(draw_planar, trials, part.rows, folder))
                 continue
-            if "profile" in part.rows:
-                jobs.append(executor.submit(draw_planar, part.trials, part.rows, folder))
-            else:
-                trials = shown_trials(part)
-                pairs = {trial.pair for trial in trials}
-                numbers = [figure.number for figure in FIGURES if pairs >= set(figure.pairs)]
-                jobs += [
-                    executor.submit(draw_numbered, trials, share, folder)
-                    for share in _shares(numbers)
-                ]
+            pairs = {trial.pair for trial in trials}
+            numbers = [figure.number for figure in FIGURES if pairs >= set(figure.pairs)]
+            jobs += [
+                executor.submit(draw_numbered, trials, share, folder) for share in _shares(numbers)
+            ]
         drawings = [drawing for job in jobs for drawing in job.result()]
+    text = json.dumps({"of": of, "drawings": drawings}, indent=2)
+    (folder / LIST).write_text(text + "\n", encoding="utf-8")
     return figure_table(drawings)
+
+
+def _trials_of(part: PartResult) -> list[Trial]:
+    """The trials that the figures of a part show, all of profiles in the first."""
+    assert part.rows is not None
+    return list(part.trials[:1]) if "profile" in part.rows else shown_trials(part)
+
+
+def _kept(folder: Path, of: Sequence[str]) -> list[Drawing] | None:
+    """What was drawn of the same trials by the same code, if all of it is still there."""
+    try:
+        data = json.loads((folder / LIST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    drawings = [Drawing(*drawing) for drawing in data["drawings"]]
+    there = all((folder / drawing.file).exists() for drawing in drawings)
+    return drawings if there and data["of"] == list(of) else None
 
 
 def shown_trials(part: PartResult) -> list[Trial]:

@@ -65,7 +65,7 @@ def run_chapters(
             results.append(result)
         _write_facts(experiment, folder)
         tables, quiet = summary_tables(results)
-        figures = draw_chapters(results, folder / "figures", make_executor)
+        figures = draw_chapters(results, folder / "figures", make_executor, redraw)
         write_tables([*tables, *quiet, figures], folder / "tables")
         console.print()
         show_tables(console, tables)

@@ -131,7 +131,7 @@ def show_paths(console: Console, folder: Path) -> None:
     for pattern, what in (
         ("report.html", "all of it on one page, opens in any browser"),
         ("tables/*.csv", "tables as csv, md and tex"),
-        ("figures/*", "figures"),
+        ("figures/*.png", "figures"),
         ("calibration.json", "bias and noise of the sensor, for registration"),
         ("scans/*.ply", "scans and merged clouds, in mm"),
         ("profiles.csv", "one row a pair of profiles"),

@@ -25,7 +25,7 @@ from harness.figures_page import (
     thinned,
 )
 from harness.multiview import NO_COVARIANCE, middle_view, poses_in, usable
-from harness.pair_view import file_slug
+from harness.pair_view import PairView, file_slug
 from harness.pool import MakeExecutor
 from harness.scoring import exact_pose, pose_error
 from harness.trials import Trial, TrialSpec
@@ -138,6 +138,27 @@ def _draw_superpositions(
         rgb = [_bytes(colours[name]) for name in poses]
         files.append(write_cloud(folder / "scans" / f"{slug}_merged.ply", moved, rgb))
     return files
+
+
+def draw_superposed_pairs(pairs: Sequence[PairView], title: str) -> Figure:
+    """All views of some pairs in the frame of the middle one, by the estimates and exactly.
+
+    A pair without an estimate links no views; one at least has to have one.
+    """
+    points_mm: dict[str, FloatArray] = {}
+    estimated, exact = [], []
+    for pair in pairs:
+        names = pair.target_view, pair.source_view
+        for name, scan in zip(names, (pair.target, pair.source), strict=True):
+            points_mm[name] = measured_points(scan)
+        exact.append(RelativePose(*names, pair.T_target_source_exact, NO_COVARIANCE))
+        pose = pair.result.T_target_source
+        if pose is not None:
+            estimated.append(RelativePose(*names, pose, usable(pair.result.covariance)))
+    points_mm = dict(sorted(points_mm.items()))  # the same colours whatever pair comes first
+    reference = middle_view(exact, list(points_mm))
+    poses, truth = (poses_in(reference, links) for links in (estimated, exact))
+    return superposition(points_mm, poses, truth, title)
 
 
 def superposition(
