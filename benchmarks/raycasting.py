@@ -14,6 +14,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -101,7 +102,7 @@ def rate(count: int, time_ms: float) -> str:
     return f"{count / time_ms / 1000.0:6.2f} M rays/s"
 
 
-def main() -> None:
+def main() -> int:
     scene, path = desk_view()
     origins_m, directions = rays(path)
     n = directions.shape[0] * directions.shape[1]
@@ -109,7 +110,12 @@ def main() -> None:
     print(f"MuJoCo, faces and exact depths              {ours_ms:9.2f} ms {rate(n, ours_ms)}")
     compare_with_open3d(scene, path, ours_ms)
 
-    scans = {
+    return report_effects(scene, path)
+
+
+def report_effects(scene: Scene, path: ViewPath) -> int:
+    """Print what a scan costs and each effect's share; 1 when it takes longer than it may."""
+    sensors = {
         name: Jupiter(JupiterParams(noise=noise))
         for name, noise in {
             "none": NoiseParams.exact(),
@@ -117,21 +123,43 @@ def main() -> None:
             **{effect: NoiseParams.only(effect) for effect in SWITCHES},
         }.items()
     }
-    times_ms = dict.fromkeys(scans, np.inf)
-    for _ in range(REPEATS):  # in turns, so that a busy moment does not fall on one of them
-        for name, sensor in scans.items():
+    origins_m, directions = rays(path)
+    actions: dict[str, Callable[[], object]] = {
+        "cast": lambda: cast_fans(scene, origins_m, directions)
+    }
+    for name, sensor in sensors.items():
+        actions[name] = partial(sensor.scan, scene, path, np.random.default_rng(0))
+    # One of each in every round, so that what the machine does besides falls on all alike; a share
+    # is the median over the rounds of the difference within one.
+    rounds: dict[str, list[float]] = {name: [] for name in actions}
+    for action in actions.values():
+        action()
+    for _ in range(REPEATS):
+        for name, action in actions.items():
             start_s = time.process_time()
-            sensor.scan(scene, path, np.random.default_rng(0))
-            times_ms[name] = min(times_ms[name], 1000.0 * (time.process_time() - start_s))
-    none_ms, all_ms = times_ms["none"], times_ms["all"]
-    print(f"\nscan without effects                        {none_ms:9.2f} ms")
-    for effect in SWITCHES:
-        more_ms = times_ms[effect] - none_ms
-        share = 100.0 * more_ms / all_ms
-        print(f"  {effect:42s}{more_ms:+9.2f} ms {share:5.1f} % of a full scan")
-    verdict = "within" if all_ms <= LIMIT_MS else "OVER"
-    print(f"scan with all effects                       {all_ms:9.2f} ms, {verdict} {LIMIT_MS} ms")
+            action()
+            rounds[name].append(1000.0 * (time.process_time() - start_s))
+    times_ms = {name: np.array(times) for name, times in rounds.items()}
+    all_ms = float(np.median(times_ms["all"]))
+    parts_ms = {
+        "casting the rays": float(np.median(times_ms["cast"])),
+        "points of the scan": float(np.median(times_ms["none"] - times_ms["cast"])),
+        **{name: float(np.median(times_ms[name] - times_ms["none"])) for name in SWITCHES},
+    }
+    print(f"\nA scan with all effects, medians of {REPEATS} rounds, shares by paired differences")
+    for name, part_ms in parts_ms.items():
+        print(f"  {name:42s}{part_ms:+9.2f} ms {100.0 * part_ms / all_ms:6.1f} %")
+    rest_ms = all_ms - sum(parts_ms.values())
+    shared = "all together, beyond the sum of each alone"
+    print(f"  {shared:42s}{rest_ms:+9.2f} ms {100.0 * rest_ms / all_ms:6.1f} %")
+    best_all_ms = float(times_ms["all"].min())
+    verdict = "within" if best_all_ms <= LIMIT_MS else "OVER"
+    print(
+        f"scan with all effects, best                 {best_all_ms:9.2f} ms, {verdict} "
+        f"{LIMIT_MS:g} ms; median {all_ms:.2f} ms"
+    )
+    return 0 if best_all_ms <= LIMIT_MS else 1
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

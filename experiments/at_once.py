@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from experiments.precision import run_precision
-from experiments.profile_pairs import KIND, run_profiles
+from experiments.precision import rehearse_precision, run_precision
+from experiments.profile_pairs import KIND, check_kept, rehearse_profiles, run_profiles
 from experiments.terminal import make_console, show_paths, show_tables
 from harness.config import read_mapping
+from harness.config_errors import ConfigError
 from harness.report.run_page import plain_part, write_page
 from harness.table_files import Table
 
@@ -17,6 +18,31 @@ Run = Callable[[Path, Path | None, Sequence[str], int | None], tuple[list[Table]
 
 # By the key `experiment` of the config; harness.config.experiment_kind reads it.
 RUNS: dict[str, Run] = {"precision": run_precision, KIND: run_profiles}
+
+Rehearsal = Callable[[Path, Path | None, Sequence[str], int | None], list[str]]
+REHEARSALS: dict[str, Rehearsal] = {"precision": rehearse_precision, KIND: rehearse_profiles}
+
+
+def rehearse(
+    kind: str, config: Path, folder: Path | None, overrides: Sequence[str], seed: int | None
+) -> None:
+    """Check the config and tell what a run would do; writes nothing. Raises ConfigError."""
+    console = make_console()
+    for line in REHEARSALS[kind](config, folder, overrides, seed):
+        console.print(line, markup=False, soft_wrap=True)
+
+
+def check_reportable(
+    kind: str, config: Path, folder: Path | None, overrides: Sequence[str], seed: int | None
+) -> None:
+    """Raise ConfigError where there are no rows from which tables could be built again."""
+    if kind != KIND:
+        message = (
+            f"{config} keeps no scans to report on, only its tables and figures: without "
+            "--report-only it measures anew, which takes seconds"
+        )
+        raise ConfigError("--report-only", (), message)
+    check_kept(config, folder, overrides, seed)
 
 
 def show_run(

@@ -204,16 +204,22 @@ def _list() -> int:
 
 
 def _run_at_once(options: argparse.Namespace) -> int:
-    from experiments.at_once import RUNS, show_run
+    from experiments.at_once import RUNS, check_reportable, rehearse, show_run
     from harness.config import experiment_kind
     from harness.config_errors import ConfigError
 
-    for name in ("trial", "report_only", "dry_run", "show_scene", "register"):
+    for name in ("trial", "show_scene", "register"):
         if getattr(options, name):
             flag = "--" + name.replace("_", "-")
             raise ConfigError(flag, (), f"says nothing to {options.config}, which has no trials")
-    run = RUNS[experiment_kind(options.config)]
-    show_run(run, options.config, options.out, options.set, options.seed)
+    kind = experiment_kind(options.config)
+    request = options.config, options.out, options.set, options.seed
+    if options.dry_run:
+        rehearse(kind, *request)
+        return EXIT_OK
+    if options.report_only:
+        check_reportable(kind, *request)
+    show_run(RUNS[kind], *request)
     return EXIT_OK
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
@@ -28,17 +29,23 @@ from sensors import SENSORS
 from sensors.calibration import OFFSET_Y_MM, OFFSET_Z_MM
 from sensors.card import measure_card
 from sensors.jupiter import Jupiter, JupiterParams
-from sensors.target_scans import scan_target
+from sensors.target_scans import as_told, scan_target
 
 Turn = tuple[Angle, Angle]
 FACING: Turn = (0.0, 0.0)
+REHEARSED = 3  # scans that a dry run times
 RAW_Y, RAW_Z = "Y' (mm)", "Z' (mm)"
 Turns = Annotated[tuple[Turn, ...], Field(min_length=1)]
+Correction = Literal["none", "local slopes", "known plane"]
 RawDepths = Annotated[tuple[Length, ...], Field(min_length=2)]
 
 
 class PrecisionExperiment(Strict):
-    """What configs/precision.yaml may say; Z' as in section 3.2.2, turns about X and Y."""
+    """What configs/precision.yaml may say; Z' as in section 3.2.2, turns about X and Y.
+
+    placement_mm, placement_deg: standard deviations of where the calibration is told a target
+        stood, in distance and in either turn: of a bench, assumed.
+    """
 
     experiment: Literal["precision"]
     title: str
@@ -49,12 +56,18 @@ class PrecisionExperiment(Strict):
     turns_deg: Turns
     unseen_raw_depths_mm: RawDepths
     unseen_turns_deg: Turns
+    placement_mm: Annotated[float, Field(ge=0.0, le=100.0)] = 0.1
+    placement_deg: Annotated[float, Field(ge=0.0, le=10.0)] = 0.02
     seed: int = Field(default=0, ge=0)
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """What was scanned: targets by raw depth and turn, each with the plane it stood in."""
+    """What was scanned, by raw depth and turn.
+
+    targets: for the calibration, each with the plane that it is told to stand in. unseen: to judge
+    the calibration by, each with the plane it stood in.
+    """
 
     params: JupiterParams
     raw_depths_mm: tuple[float, ...]
@@ -109,7 +122,13 @@ def measure(experiment: PrecisionExperiment, params: JupiterParams) -> Measureme
                 scans[-1][raw_mm, turn] = scan_target(
                     sensor, OFFSET_Z_MM - raw_mm, angles[0], angles[1], *size, rng
                 )
-    return Measurements(params, experiment.raw_depths_mm, *scans)
+    # Streams of their own: where a target is told to stand changes nothing of its scan.
+    rng = np.random.default_rng([experiment.seed, len(scans)])
+    told = {
+        key: as_told(target, experiment.placement_mm, experiment.placement_deg, rng)
+        for key, target in scans[0].items()
+    }
+    return Measurements(params, experiment.raw_depths_mm, told, scans[1])
 
 
 def run_precision(
@@ -147,6 +166,32 @@ def run_precision(
     return tables, folder
 
 
+def rehearse_precision(
+    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+) -> list[str]:
+    """What a run would do and how long it would take, in lines; writes nothing.
+
+    Raises ConfigError.
+    """
+    experiment, params = load_precision(path, overrides, seed)
+    targets = len(experiment.raw_depths_mm) * len(experiment.turns_deg)
+    unseen = len(experiment.unseen_raw_depths_mm) * len(experiment.unseen_turns_deg)
+    depth_mm = OFFSET_Z_MM - experiment.raw_depths_mm[0]
+    size = experiment.scan.profiles, experiment.scan.step_mm
+    times_s = []
+    for _ in range(REHEARSED):
+        start_s = time.perf_counter()
+        scan_target(Jupiter(params), depth_mm, 0.0, 0.0, *size, np.random.default_rng(0))
+        times_s.append(time.perf_counter() - start_s)
+    return [
+        f"{experiment.title}: {targets} scans of a flat target to calibrate by, {unseen} to judge "
+        f"the calibration by, of {size[0]} x {params.pixels} points",
+        f"About {min(times_s) * (targets + unseen):.0f} s for the scans; the fit, the card and "
+        "the figures come on top, some 10 to 20 s",
+        f"Would be written to {folder or Path('results') / path.stem}",
+    ]
+
+
 def forms_table(calibration: Calibration) -> Table:
     """What either form of the bias leaves, on the scans it was fitted to."""
     frame = pd.DataFrame(
@@ -173,9 +218,8 @@ def residual_table(measured: Measurements, calibration: Calibration) -> Table:
     """Bias on targets the calibration has not seen, without and with it."""
     rows = []
     for (raw_mm, turn), target in measured.unseen.items():
-        known = beam_errors_mm(target, calibration, planes_known=True)
-        before, after = beam_errors_mm(target), beam_errors_mm(target, calibration)
-        rows.append([raw_mm, *turn, *(rms(e) for e in (before, after, known))])
+        errors_mm = [beam_errors_mm(target, calibration, how) for how in get_args(Correction)]
+        rows.append([raw_mm, *turn, *(rms(error_mm) for error_mm in errors_mm)])
     numbers = [f"{name} (mm)" for name in ("Without", "With, local slopes", "With, known plane")]
     columns = ["Z' (mm)", "Turn about X (°)", "Turn about Y (°)", *numbers]
     formats = dict.fromkeys(numbers, ".2f") | dict.fromkeys(columns[:3], ".0f")
@@ -184,7 +228,8 @@ def residual_table(measured: Measurements, calibration: Calibration) -> Table:
         "what is left of the noise after the mean over the profiles."
     )
     title = "Bias on distances and turns the calibration has not seen"
-    return Table("residual_bias", title, caption, pd.DataFrame(rows, columns=columns), formats)
+    frame = pd.DataFrame(rows, columns=columns)
+    return Table("residual_bias", title, caption, frame, formats, in_full=True)
 
 
 def rms(values: FloatArray) -> float:
@@ -193,23 +238,23 @@ def rms(values: FloatArray) -> float:
 
 
 def beam_errors_mm(
-    target: TargetScan, calibration: Calibration | None = None, planes_known: bool = False
+    target: TargetScan, calibration: Calibration, correction: Correction = "none"
 ) -> FloatArray:
-    """(pixels,) mean error of each beam's depth over the profiles, after the calibration if any.
+    """(pixels,) mean error of each beam's depth over the profiles.
 
-    planes_known: correct with the normal of the target instead of local slopes.
+    correction: of the bias, by the calibration: none, with the inclination from the points around
+        each one, or with that of the target.
     """
     scan, normal = target.scan, target.normal
     points_mm = scan.points_mm
-    if calibration is not None and planes_known:
+    if correction == "known plane":
         slope = calibration.slopes(scan)
         cosine = np.abs(normal[1] * slope + normal[2]) / np.sqrt(1.0 + slope**2)
         bias_mm = calibration.bias_mm(points_mm[..., 2], slope, cosine)
         points_mm = points_mm - bias_mm[..., None] * np.stack([0 * slope, slope, 0 * slope + 1], -1)
-    elif calibration is not None:
+    elif correction == "local slopes":
         points_mm = calibration.correct(scan).points_mm
-    apex_mm = np.array([0.0, 0.0, 0.0]) if scan.apex_mm is None else scan.apex_mm
-    beams = points_mm - apex_mm
+    beams = points_mm - calibration.apex_mm
     beams[..., 0] = 0.0
     beams /= beams[..., 2:]
     # Off the plane along its normal; along the beam that is as much longer as it is inclined.

@@ -9,7 +9,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments import precision_spacing as spacing
-from experiments.precision import FACING, RAW_Y, RAW_Z, Measurements, beam_errors_mm, raw
+from experiments.precision import (
+    FACING,
+    RAW_Y,
+    RAW_Z,
+    Correction,
+    Measurements,
+    beam_errors_mm,
+    raw,
+)
 from harness.figures_page import (
     LEFT_IN,
     MARK,
@@ -146,6 +154,9 @@ def draw_foam(measured: Measurements, seed: int) -> Figure:
     return figure
 
 
+CORRECTIONS: tuple[Correction, ...] = ("none", "local slopes")
+
+
 def draw_bias(measured: Measurements, calibration: Calibration) -> Figure:
     """How the calibration was found: bias of targets by beam, fitted, and what is left."""
     turned = [turn for _, turn in measured.targets if turn[0] != 0.0][:1]
@@ -171,16 +182,16 @@ def draw_bias(measured: Measurements, calibration: Calibration) -> Figure:
                 target.scan.points_mm[..., 2], slope, np.abs(ahead) / np.sqrt(1.0 + slope**2)
             )
             across = np.nanmean(slope, axis=0)
-            ax.plot(across, beam_errors_mm(target), ".", ms=2, color=shade)
+            ax.plot(across, beam_errors_mm(target, calibration), ".", ms=2, color=shade)
             ax.plot(across, np.nanmean(fitted, axis=0), color=shade, label=f"Z' = {raw_mm:.0f} mm")
         ax.set_title(f"Target turned by {turn[0]:.0f}° about X" if turn[0] else "Target facing")
-    for ax, corrected in zip(axes[2:], (None, calibration), strict=True):
+    for ax, corrected in zip(axes[2:], CORRECTIONS, strict=True):
         unseen = [(raw_mm, t) for (raw_mm, turn), t in measured.unseen.items() if turn == FACING]
         for (raw_mm, target), shade in zip(unseen, _shades(), strict=False):
             across = np.nanmean(calibration.slopes(target.scan), axis=0)
-            errors_mm = beam_errors_mm(target, corrected)
+            errors_mm = beam_errors_mm(target, calibration, corrected)
             ax.plot(across, errors_mm, ".", ms=2.5, color=shade, label=f"Z' = {raw_mm:.0f} mm")
-        ax.set_title("Unseen distances, " + ("corrected" if corrected else "as measured"))
+        ax.set_title("Unseen distances, " + ("as measured" if corrected == "none" else "corrected"))
     for ax in axes:
         ax.set(xlabel="slope of the beam, Y over depth from the apex", ylim=(-11, 3))
         ax.set_ylabel("error of the depth (mm)")

@@ -7,6 +7,7 @@ import json
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,6 +30,7 @@ from registration.scan import BoolArray, FloatArray, Scan
 
 KIND = "profiles"
 CUTOFF = 3.5
+REHEARSED = 5  # pairs of profiles that a dry run times
 ROWS, TIMES = "profiles.csv", "times.csv"
 TIME_COLUMNS = ["pair", "method", "repeat", "profile", "ms"]
 MOTION = ("rotation_x_deg", "y_mm", "z_mm")  # what a plane tells of a pose
@@ -84,6 +86,38 @@ def run_profiles(
     write_tables(tables, folder / "tables")
     draw_profiles(experiment, trials, rows, folder / "figures")
     return tables, folder
+
+
+def rehearse_profiles(
+    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+) -> list[str]:
+    """What a run would do and how long it would take, in lines; writes nothing.
+
+    Raises ConfigError.
+    """
+    experiment, trials = load_profiles(path, overrides, seed)
+    folder = folder or Path("results") / path.stem
+    pairs = len(trials) * experiment.scan.profiles
+    told = f"{experiment.title}: {pairs} pairs of profiles"
+    if kept_rows(experiment, trials, folder) is not None:
+        return [f"{told}, all at hand in {folder}: only tables and figures would be built again"]
+    some = islice(register_profiles(trials[0]), REHEARSED)
+    each_ms = float(np.median([pair.result.stage_ms["registration"] for pair in some]))
+    return [
+        f"{told} to register, about {1e-3 * each_ms * pairs:.0f} s on one core and some 10 s for "
+        "the figures",
+        f"Would be written to {folder}",
+    ]
+
+
+def check_kept(
+    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+) -> None:
+    """Raise ConfigError where a folder has no rows of this very config and code."""
+    folder = folder or Path("results") / path.stem
+    if kept_rows(*load_profiles(path, overrides, seed), folder) is None:
+        message = f"{folder} has no rows of this config and this code; run it without first"
+        raise ConfigError("--report-only", (), message)
 
 
 def load_profiles(

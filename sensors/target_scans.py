@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from registration.calibration_fit import TargetScan
 from scenes.flat_target import FlatTargetParams, flat_target
@@ -35,3 +36,21 @@ def scan_target(
     normal = T_view_world.rotation.apply(front.normal)
     offset_mm = float(normal @ T_view_world.apply(1000.0 * front.polygon_m.mean(axis=0)))
     return TargetScan(sensor.scan(board, path, rng), normal, offset_mm)
+
+
+def as_told(
+    target: TargetScan, placement_mm: float, placement_deg: float, rng: np.random.Generator
+) -> TargetScan:
+    """The same scan with the place of the target as a bench tells it: not quite where it stood.
+
+    placement_mm, placement_deg: standard deviations of its distance where it crosses the sensor's
+    Z, and of its turn about either axis in its plane.
+    """
+    middle_mm = np.array([0.0, 0.0, target.offset_mm / target.normal[2]])
+    across = np.cross(target.normal, [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    tilts_rad = np.radians(placement_deg) * rng.standard_normal(2)
+    turn = Rotation.from_rotvec(tilts_rad @ np.array([across, np.cross(target.normal, across)]))
+    normal = turn.apply(target.normal)
+    offset_mm = float(normal @ middle_mm) + placement_mm * float(rng.standard_normal())
+    return TargetScan(target.scan, normal, offset_mm)

@@ -186,12 +186,24 @@ def test_a_wrong_config_is_one_line(change: str, message: str) -> None:
     assert "\n" not in str(raised.value)
 
 
-def test_what_has_no_trials_cannot_be_rehearsed(
+def test_a_dry_run_counts_the_profiles_and_report_only_needs_their_rows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main([str(CONFIG), "--dry-run", "--out", str(tmp_path / "out")]) == 2
-    assert "--dry-run: says nothing to" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
+    out = tmp_path / "out"
+    request = [str(CONFIG), "--set", "scan.profiles=6", "--set", "repeats=1", "--out", str(out)]
+    assert main([*request, "--dry-run"]) == 0
+    trials = len(load_profiles(CONFIG, ["scan.profiles=6", "repeats=1"])[1])
+    assert f"{6 * trials} pairs of profiles to register" in capsys.readouterr().out
+    assert main([*request, "--report-only"]) == 2
+    assert "has no rows of this config" in capsys.readouterr().err
+    assert not out.exists()
+    assert main(request) == 0
+    rows = (out / "profiles.csv").read_bytes()
+    capsys.readouterr()
+    assert main([*request, "--dry-run"]) == 0
+    assert "all at hand" in capsys.readouterr().out
+    assert main([*request, "--report-only"]) == 0
+    assert (out / "profiles.csv").read_bytes() == rows
 
 
 def test_kept_rows_are_those_that_were_measured(tmp_path: Path) -> None:

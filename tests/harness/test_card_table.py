@@ -37,3 +37,34 @@ def test_both_fits_are_shown_number_by_number() -> None:
     spacings = frame[frame["Number"] != "width"]
     assert spacings["Keeping the spacings (%)"].abs().max() < 5.0
     assert spacings["Keeping the field (%)"].abs().max() > 5.0
+
+
+@pytest.mark.parametrize(
+    ("params", "kept", "given_up"),
+    [
+        (JupiterParams(), "width", "spacing"),
+        (
+            JupiterParams(near_width_mm=114.8, far_width_mm=618.2, widening=0.292),
+            "spacing",
+            "width",
+        ),
+    ],
+)
+def test_the_card_says_which_of_the_contradictory_numbers_the_sensor_keeps(
+    params: JupiterParams, kept: str, given_up: str
+) -> None:
+    table = card_table("jupiter", params)
+    assert table is not None
+    words = table.frame.set_index("Number")["Contradicted"]
+    assert set(words[words.index.str.contains(kept)]) == {"kept"}
+    assert set(words[words.index.str.contains(given_up)]) == {"given up"}
+    assert set(words[["depth step", "bulge"]]) == {""}
+    limits = table.frame.groupby("Contradicted")["Difference (%)"].agg(lambda d: d.abs().max())
+    assert limits["kept"] < 5.0
+    assert limits["given up"] < 10.0
+
+
+def test_a_sensor_that_keeps_neither_is_not_said_to_keep_one() -> None:
+    table = card_table("jupiter", JupiterParams(near_width_mm=200.0, far_width_mm=400.0))
+    assert table is not None
+    assert set(table.frame["Contradicted"]) == {""}
