@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
+import os
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -125,9 +126,9 @@ def chosen_method(choice: MethodChoice, key: Key, file: Path) -> Chosen:
     merged = _merged(preset, choice.params)
     params = checked_params(params_type, merged, file, (*key, "params"))
     calibration = getattr(params, "calibration", "")
-    if calibration and not Path(calibration).is_file():
-        message = f"{calibration} is no file below {Path.cwd()}; configs/precision.yaml makes one"
-        raise ConfigError(file, (*key, "params", "calibration"), message)
+    if calibration:
+        found = _calibration_file(calibration, file, (*key, "params", "calibration"))
+        params = dataclasses.replace(params, calibration=found)
     if choice.name in PEERS:
         try:
             check_installed(choice.name, params)
@@ -145,6 +146,21 @@ def chosen_methods(choices: Sequence[MethodChoice], file: Path, kept: Recent) ->
         )
         for index, choice in enumerate(choices)
     )
+
+
+def _calibration_file(calibration: str, file: Path, key: Key) -> str:
+    """Where a calibration lies: beside the config that names it, or below the current folder.
+
+    Told from the current folder, so that a trial is the same on every machine. Raises ConfigError.
+    """
+    beside = Path(file).parent / calibration
+    if beside.is_file():
+        return calibration if Path(calibration).is_absolute() else os.path.relpath(beside)
+    if Path(calibration).is_file():
+        return calibration
+    places = f"beside {file} nor below {Path.cwd()}"
+    message = f"{calibration} is no file {places}; configs/precision.yaml makes one"
+    raise ConfigError(file, key, message)
 
 
 def _presets(params_type: type) -> list[str]:

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from harness.config import load_experiment, read_mapping
+from harness.config_errors import ConfigError
 from harness.schema import PrintedPose
 from harness.scoring import encoder_pose, exact_pose, pose_error, six_parameters
 from harness.session import open_session, resolved
@@ -150,3 +151,44 @@ def test_truth_is_entered_once_where_it_holds_no_noise(small_file: Path) -> None
     assert json.loads(json.dumps([t.id for t in trials])) == list(
         dict.fromkeys(t.id for t in trials)
     )
+
+
+def test_a_calibration_lies_beside_its_config_or_below_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    configs = CONFIGS[0].parent
+    desk = (configs / "desk.yaml").read_text(encoding="utf-8")
+    (tmp_path / "bench").mkdir()
+    config = tmp_path / "bench" / "desk.yaml"
+    config.write_text(desk, encoding="utf-8")
+    override = "methods=[{name: gauss_sphere, params: {calibration: sensor.json}}]"
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match=r"methods\.0\.params\.calibration: sensor\.json is no"):
+        trials_of(config, override)
+    measured = (configs / "calibration" / "jupiter.json").read_bytes()
+
+    def found() -> str:
+        params = trials_of(config, override)[0].spec.method.params
+        return str(params.calibration)
+
+    (tmp_path / "sensor.json").write_bytes(measured)
+    assert found() == "sensor.json"
+    beside = tmp_path / "bench" / "sensor.json"
+    beside.write_bytes(measured)
+    # Told from where the command is started: no trial's id holds a path of this machine.
+    assert found() == "bench/sensor.json"
+    monkeypatch.chdir(tmp_path / "bench")
+    assert found() == "sensor.json"
+
+
+def test_shipped_configs_find_their_calibration_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = CONFIGS[0].parent / "ablation.yaml"
+    paths = {
+        getattr(trial.spec.method.params, "calibration", "")
+        for trial in open_session(file, tmp_path / "out").trials
+    }
+    assert paths
+    assert all(Path(path).is_file() for path in paths if path)
