@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import TypeVar
 
 import numba
@@ -20,3 +23,26 @@ def compiled(function: F) -> F:
     except RuntimeError:  # numba's only word for a read-only checkout of a user without a home
         loop = numba.njit(nogil=True)(function)
     return loop
+
+
+def forget_stale(package: Path) -> bool:
+    """Delete all cached kernels of a package when any of its sources has changed since.
+
+    numba looks at a kernel's own file only, so one that calls into a changed file would go on with
+    the code it was compiled with. Returns whether the sources had changed.
+    """
+    states = sorted((str(path), path.stat().st_mtime_ns) for path in package.rglob("*.py"))
+    state = hashlib.sha256(repr((numba.__version__, states)).encode()).hexdigest()
+    stamp = package / "__pycache__" / "kernels.stamp"
+    with suppress(OSError):  # a read-only checkout: nothing is cached in it
+        if stamp.exists() and stamp.read_text(encoding="ascii") == state:
+            return False
+        for pattern in ("*.nbi", "*.nbc"):
+            for path in package.rglob(pattern):
+                path.unlink(missing_ok=True)
+        stamp.parent.mkdir(exist_ok=True)
+        stamp.write_text(state, encoding="ascii")
+    return True
+
+
+forget_stale(Path(__file__).parent)

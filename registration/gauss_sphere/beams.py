@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.kernels import compiled
-from registration.scan import FloatArray, Scan
+from registration.scan import FloatArray, IntArray, Scan
 
 PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
 DEPTH_BINS = 6
+DEPTH_CELLS = 512
 NOISE_PROFILES = 16  # enough for the noise to a few percent
 MIN_TRIPLES_PER_BIN = 50
 MIN_SIGMA_MM = 0.02
@@ -158,12 +159,31 @@ def _noise_by_depth(depth: FloatArray, slope: FloatArray) -> tuple[FloatArray, F
                 n += 1
     bins = min(DEPTH_BINS, n // MIN_TRIPLES_PER_BIN)
     depths, sigmas = np.empty(bins), np.empty(bins)
-    order = np.argsort(middle[:n])
+    order = _by_depth(middle[:n])
     for i in range(bins):
         chosen = order[i * n // bins : (i + 1) * n // bins]
         depths[i] = middle[chosen].mean()
         sigmas[i] = _clipped_spread(error[chosen])
     return depths, sigmas
+
+
+@compiled
+def _by_depth(depth: FloatArray) -> IntArray:
+    """The order of depths, sorted only as finely as the noise needs."""
+    order, low, high = np.empty(depth.size, np.int64), np.inf, -np.inf
+    for d in depth:
+        low, high = min(low, d), max(high, d)
+    scale = (DEPTH_CELLS - 1) / (high - low) if high > low else 0.0
+    filled = np.zeros(DEPTH_CELLS + 1, np.int64)
+    for d in depth:
+        filled[int((d - low) * scale) + 1] += 1
+    for i in range(DEPTH_CELLS):
+        filled[i + 1] += filled[i]
+    for j in range(depth.size):
+        cell = int((depth[j] - low) * scale)
+        order[filled[cell]] = j
+        filled[cell] += 1
+    return order
 
 
 @compiled

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import DecisionParams
@@ -11,38 +11,6 @@ from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View
 from registration.result import Candidate, RegistrationResult
 from registration.scan import FloatArray
-
-
-def distinct(
-    settled: list[Settled], centre_mm: FloatArray, params: DecisionParams
-) -> list[Settled]:
-    """Drop every pose that a better one has nearly the same as; best score first.
-
-    centre_mm: (3,) in the source's frame, where the poses' shifts are compared.
-    """
-    kept: list[Settled] = []
-    for pose in sorted(settled, key=lambda p: -p.score):
-        if all(not same(other, pose.rotation, pose.shift_mm, centre_mm, params) for other in kept):
-            kept.append(pose)
-    return kept
-
-
-def same(
-    pose: Settled,
-    rotation: FloatArray,
-    shift_mm: FloatArray,
-    centre_mm: FloatArray,
-    params: DecisionParams,
-) -> bool:
-    """Whether a pose and (rotation, shift) differ by less than distinct answers do."""
-    turn = pose.rotation @ rotation.T
-    # |R - I|^2 = 8 sin^2(angle / 2) for every rotation.
-    chord = np.sqrt(((turn - np.eye(3)) ** 2).sum() / 8.0)
-    moved = (pose.rotation - rotation) @ centre_mm + pose.shift_mm - shift_mm
-    return bool(
-        2.0 * np.arcsin(min(chord, 1.0)) < params.distinct_rad
-        and np.linalg.norm(moved) < params.distinct_mm
-    )
 
 
 def judge(
@@ -87,7 +55,7 @@ def judge(
     covariance, open_directions, reason = uncertainty(best, target, params)
     if open_directions.shape[0]:
         return RegistrationResult(
-            transform(best),
+            candidates[0].T_target_source,
             "underdetermined",
             reason,
             undetermined=open_directions,
@@ -96,7 +64,7 @@ def judge(
     rivals = [p for p in ranked[1:] if is_rival(p, best, target, params)]
     if rivals:
         return RegistrationResult(
-            transform(best),
+            candidates[0].T_target_source,
             "ambiguous",
             f"{len(rivals) + 1} poses fit about equally well: the scanned part is symmetric or "
             f"too little is shared; the best of the others scores "
@@ -105,7 +73,7 @@ def judge(
             candidates=candidates[1:],
         )
     return RegistrationResult(
-        transform(best), "ok", covariance=covariance, candidates=candidates[1:]
+        candidates[0].T_target_source, "ok", covariance=covariance, candidates=candidates[1:]
     )
 
 
@@ -143,7 +111,9 @@ def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams)
 
 def transform(pose: Settled) -> RigidTransform:
     """The pose as a transform."""
-    return RigidTransform.from_components(pose.shift_mm, Rotation.from_matrix(pose.rotation))
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.shift_mm
+    return RigidTransform.from_matrix(matrix)
 
 
 def uncertainty(

@@ -14,42 +14,31 @@ from registration.scan import FloatArray, IntArray
 
 def find_patches(fan: Fan, segments: Segments, params: PatchParams) -> Patches:
     """Grow segments into planes over the profiles and fit each to all its points."""
-    owner = grow(fan, segments, params)
-    label = _paint(fan, segments, owner, params)
-    return fit_patches(fan, label, int(owner.max(initial=-1)) + 1, params)
+    label, n_patches = labels(fan, segments, params)
+    return fit_patches(fan, label, n_patches, params)
 
 
-def grow(fan: Fan, segments: Segments, params: PatchParams) -> IntArray:
-    """(n,) the patch of each segment, -1 for segments of patches too small to keep."""
-    n = segments.profile.size
-    if n == 0:
-        return np.zeros(0, dtype=np.int64)
-    owner = np.empty(n, dtype=np.int64)
-    first_of = np.searchsorted(segments.profile, np.arange(fan.x_mm.size + 1))
+def labels(fan: Fan, segments: Segments, params: PatchParams) -> tuple[IntArray, int]:
+    """(profiles, pixels) patch of each point, -1 for none, and the number of patches."""
+    owner, n_patches = grow(fan, segments, params)
+    label = np.full(fan.depth_mm.shape, -1, dtype=np.int64)
+    _paint_segments(segments, owner, fan.depth_mm, params.edge_pixels, label)
+    return label, n_patches
+
+
+def grow(fan: Fan, segments: Segments, params: PatchParams) -> tuple[IntArray, int]:
+    """(n,) the patch of each segment, -1 where it is too small to keep, and their number."""
+    owner = np.empty(segments.profile.size, dtype=np.int64)
     _grow(
         segments,
         fan.x_mm,
-        first_of,
         params.join_gain,
         params.tolerance_sigma,
         params.max_tilt,
         params.bridge_profiles,
         owner,
     )
-    points = np.bincount(owner, weights=segments.n_points, minlength=n)
-    profiles = np.zeros(n, dtype=np.int64)
-    pairs = np.unique(np.stack([owner, segments.profile]), axis=1)
-    np.add.at(profiles, pairs[0], 1)
-    kept = (points >= params.min_points) & (profiles >= params.min_profiles)
-    renumber = np.where(kept, np.cumsum(kept) - 1, -1)
-    result: IntArray = renumber[owner]
-    return result
-
-
-def _paint(fan: Fan, segments: Segments, owner: IntArray, params: PatchParams) -> IntArray:
-    label = np.full(fan.depth_mm.shape, -1, dtype=np.int64)
-    _paint_segments(segments, owner, fan.depth_mm, params.edge_pixels, label)
-    return label
+    return owner, _keep_large(segments, owner, params.min_points, params.min_profiles)
 
 
 @compiled
@@ -99,7 +88,6 @@ def _root(parent: IntArray, i: int) -> int:
 def _grow(
     segments: Segments,
     x: FloatArray,
-    first_of: IntArray,
     gain: float,
     tolerance: float,
     max_tilt: float,
@@ -109,6 +97,7 @@ def _grow(
     profile, low, high = segments.profile, segments.slope_low, segments.slope_high
     sums, count = segments.sums, segments.n_points
     n = profile.size
+    first_of = np.searchsorted(profile, np.arange(x.size + 1))
     parent = np.arange(n)
     total = np.zeros((n, 10))  # sums of the patch that the root stands for, about x of its root
     points = count.astype(np.float64)
@@ -149,6 +138,28 @@ def _grow(
                     joined = True
     for i in range(n):
         owner[i] = _root(parent, i)
+
+
+@compiled
+def _keep_large(segments: Segments, owner: IntArray, min_points: int, min_profiles: int) -> int:
+    """Number the patches that are large enough, all others -1."""
+    n = owner.size
+    points, profiles = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    latest, number = np.full(n, -1), np.full(n, -1)
+    for i in range(n):
+        points[owner[i]] += segments.n_points[i]
+        # Segments come profile by profile.
+        if latest[owner[i]] != segments.profile[i]:
+            latest[owner[i]] = segments.profile[i]
+            profiles[owner[i]] += 1
+    kept = 0
+    for i in range(n):
+        if points[i] >= min_points and profiles[i] >= min_profiles:
+            number[i] = kept
+            kept += 1
+    for i in range(n):
+        owner[i] = number[owner[i]]
+    return kept
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""A rough pose settled: which planes it lays on each other, and the pose that these make likely."""
+"""Rough poses settled: which planes they lay on each other, and the pose that these make likely."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from registration.gauss_sphere.params import MatchParams, RefineParams, VerificationParams
+from registration.gauss_sphere.params import (
+    GaussSphereParams,
+)
+from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.refine import (
+    ROUGHLY,
     Likelihood,
     likelihood,
     maximise,
@@ -46,48 +50,185 @@ class Settled(NamedTuple):
     score: float
 
 
-def settle(
+class Effort(NamedTuple):
+    """Parameters of settling as the compiled loops take them.
+
+    kept, worth_settling, worth_refining: see VerificationParams.
+    tolerances_mm, floors_mm, strides, least_samples: see MatchParams.
+    distinct_rad, distinct_mm: poses closer than this are one; they are compared at middle_mm (3,).
+    """
+
+    kept: int
+    worth_settling: float
+    worth_refining: float
+    tolerances_mm: FloatArray
+    floors_mm: FloatArray
+    strides: IntArray
+    least_samples: int
+    distinct_rad: float
+    distinct_mm: float
+    middle_mm: FloatArray
+
+
+class Matches(NamedTuple):
+    """What settling fills in for each pose: the fields of Settled, one more axis in front."""
+
+    rotation: FloatArray
+    shift_mm: FloatArray
+    information: FloatArray
+    floor_mm: FloatArray
+    n_pairs: IntArray
+    pairs: IntArray
+    distance2: FloatArray
+    areas: FloatArray
+    score: FloatArray
+
+
+def settle_best(
     target: View,
     source: View,
-    rotation: FloatArray,
-    shift_mm: FloatArray,
-    match: MatchParams,
-    refine: RefineParams,
-    verification: VerificationParams,
-    least_score: float = -np.inf,
-) -> Settled | None:
-    """Match planes by the samples that fall on them and refine, with shrinking tolerance.
+    rotations: FloatArray,
+    shifts_mm: FloatArray,
+    scores: FloatArray,
+    params: GaussSphereParams,
+) -> list[Settled]:
+    """Settle the candidates by falling score until the rest cannot rival the best.
 
-    None where fewer than two planes match, or where the score, after the first refinements, is
-    below least_score: another pose is known to be much better.
+    Planes are matched by the samples that fall on them, and the pose refined by them, with
+    shrinking tolerance. Best first; poses that are nearly the same are one.
     """
-    r, t = rotation.copy(), shift_mm.copy()
-    information, areas = np.zeros((6, 6)), np.zeros(4)
-    capacity = target.patches.n_points.size * source.patches.n_points.size
-    pairs = np.zeros((capacity, 2), dtype=np.int64)
-    distance2 = np.zeros(capacity)
-    n, floor_mm = _settle(
-        target,
-        source,
-        comparison(verification),
-        likelihood(refine),
+    verification, match, decision = params.verification, params.match, params.decision
+    effort = Effort(
+        verification.kept,
+        verification.worth_settling,
+        verification.worth_refining,
         np.asarray(match.tolerances_mm),
         np.asarray(match.floors_mm),
         np.asarray(match.strides),
-        np.asarray(refine.floors_mm),
         match.least_samples,
-        least_score,
-        r,
-        t,
-        information,
-        pairs,
-        distance2,
-        areas,
+        decision.distinct_rad,
+        decision.distinct_mm,
+        middle(source.patches),
     )
-    if n < 2:
-        return None
-    score = float(areas[SUPPORT] - verification.contradiction_weight * areas[CONTRADICTION])
-    return Settled(r, t, information, floor_mm, pairs[:n], distance2[:n], areas, score)
+    found, kept = _settle_best(
+        target,
+        source,
+        comparison(verification),
+        likelihood(params.refine),
+        np.asarray(params.refine.floors_mm),
+        effort,
+        rotations,
+        shifts_mm,
+        scores,
+    )
+    settled = []
+    for c in kept:
+        n = found.n_pairs[c]
+        settled.append(
+            Settled(
+                found.rotation[c],
+                found.shift_mm[c],
+                found.information[c],
+                float(found.floor_mm[c]),
+                found.pairs[c, :n],
+                found.distance2[c, :n],
+                found.areas[c],
+                float(found.score[c]),
+            )
+        )
+    return settled
+
+
+@compiled
+def middle(patches: Patches) -> FloatArray:
+    """(3,) centre in mm of the surface that a view saw, in its own frame."""
+    centre, total = np.zeros(3), 0.0
+    for i in range(patches.area_mm2.size):
+        total += patches.area_mm2[i]
+        for u in range(3):
+            centre[u] += patches.area_mm2[i] * patches.centroid_mm[i, u]
+    return centre / total
+
+
+@compiled
+def _same(effort: Effort, ra: FloatArray, ta: FloatArray, rb: FloatArray, tb: FloatArray) -> bool:
+    """Whether two poses differ by less than distinct answers do."""
+    chord2, moved2 = 0.0, 0.0
+    for u in range(3):
+        moved = ta[u] - tb[u]
+        for v in range(3):
+            difference = ra[u, v] - rb[u, v]
+            chord2 += difference * difference
+            moved += difference * effort.middle_mm[v]
+        moved2 += moved * moved
+    # |Ra - Rb|^2 = 8 sin^2(angle / 2) for rotations.
+    angle = 2.0 * np.arcsin(min(np.sqrt(chord2 / 8.0), 1.0))
+    return bool(angle < effort.distinct_rad and moved2 < effort.distinct_mm**2)
+
+
+@compiled
+def _known(effort: Effort, found: Matches, n: int, r: FloatArray, t: FloatArray) -> bool:
+    known = False
+    for c in range(n):
+        known = known or _same(effort, found.rotation[c], found.shift_mm[c], r, t)
+    return known
+
+
+@compiled
+def _settle_best(
+    target: View,
+    source: View,
+    how: Comparison,
+    likely: Likelihood,
+    floors: FloatArray,
+    effort: Effort,
+    rotations: FloatArray,
+    shifts: FloatArray,
+    scores: FloatArray,
+) -> tuple[Matches, IntArray]:
+    n_a, n_b = target.patches.n_points.size, source.patches.n_points.size
+    capacity = min(effort.kept, scores.size)
+    found = Matches(
+        np.empty((capacity, 3, 3)),
+        np.empty((capacity, 3)),
+        np.zeros((capacity, 6, 6)),
+        np.empty(capacity),
+        np.empty(capacity, np.int64),
+        np.empty((capacity, n_a * n_b, 2), np.int64),
+        np.empty((capacity, n_a * n_b)),
+        np.empty((capacity, 4)),
+        np.empty(capacity),
+    )
+    counts = np.zeros((n_a, n_b), np.int64)
+    best, n = -np.inf, 0
+    for c in np.argsort(-scores, kind="mergesort")[:capacity]:
+        if n > 0 and scores[c] < effort.worth_settling * best:
+            break
+        if _known(effort, found, n, rotations[c], shifts[c]):
+            continue
+        found.rotation[n] = rotations[c]
+        found.shift_mm[n] = shifts[c]
+        least = effort.worth_settling * max(best, 0.0)
+        if not _settle(target, source, how, likely, effort, least, counts, found, n):
+            continue
+        # Only those that may be the answer, or question it, are refined to the end.
+        if found.score[n] >= effort.worth_refining * best:
+            _finish(target, source, how, likely, floors, effort, counts, found, n)
+            best = max(best, found.score[n])
+            n += 1
+    order = np.argsort(-found.score[:n], kind="mergesort")
+    kept, n_kept = np.empty(n, np.int64), 0
+    for c in order:
+        new = True
+        for other in kept[:n_kept]:
+            new = new and not _same(
+                effort, found.rotation[other], found.shift_mm[other], found.rotation[c],
+                found.shift_mm[c],
+            )  # fmt: skip
+        if new:
+            kept[n_kept] = c
+            n_kept += 1
+    return found, kept[:n_kept]
 
 
 @compiled
@@ -96,45 +237,55 @@ def _settle(
     source: View,
     how: Comparison,
     likely: Likelihood,
-    tolerances: FloatArray,
-    rough_floors: FloatArray,
-    strides: IntArray,
-    floors: FloatArray,
-    least: int,
+    effort: Effort,
     least_score: float,
-    r: FloatArray,
-    t: FloatArray,
-    information: FloatArray,
-    pairs: IntArray,
-    distance2: FloatArray,
-    areas: FloatArray,
-) -> tuple[int, float]:
-    counts = np.zeros((target.patches.n_points.size, source.patches.n_points.size), np.int64)
-    n = 0
-    for stage in range(tolerances.size):
-        compare_both(target, source, how, r, t, tolerances[stage], strides[stage], counts, areas)
+    counts: IntArray,
+    found: Matches,
+    c: int,
+) -> bool:
+    """Settle pose c of found; whether it is new, matches two planes and may rival the others."""
+    r, t, pairs, areas = found.rotation[c], found.shift_mm[c], found.pairs[c], found.areas[c]
+    for stage in range(effort.tolerances_mm.size):
+        compare_both(
+            target, source, how, r, t, effort.tolerances_mm[stage], effort.strides[stage], counts,
+            areas,
+        )  # fmt: skip
         n = 0
         for i in range(counts.shape[0]):
             for k in range(counts.shape[1]):
-                if counts[i, k] >= least:
+                if counts[i, k] >= effort.least_samples:
                     pairs[n, 0], pairs[n, 1] = i, k
                     n += 1
-        score = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]
-        if n < 2 or (stage > 1 and score < least_score):
-            return 0, 0.0
+        found.score[c] = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]
+        if n < 2 or (stage > 1 and found.score[c] < least_score):
+            return False
         maximise(
-            target.patches,
-            source.patches,
-            pairs[:n],
-            likely,
-            rough_floors[stage],
-            r,
-            t,
-            information,
-            distance2,
-        )
-    floor = maximise_consistently(
-        target.patches, source.patches, pairs[:n], likely, floors, r, t, information, distance2
-    )
-    compare_both(target, source, how, r, t, tolerances[-1], 1, counts, areas)
-    return n, floor
+            target.patches, source.patches, pairs[:n], likely, effort.floors_mm[stage], r, t,
+            found.information[c], found.distance2[c], ROUGHLY,
+        )  # fmt: skip
+        found.n_pairs[c] = n
+        # Many starts lead to one pose.
+        if stage == 1 and _known(effort, found, c, r, t):
+            return False
+    return True
+
+
+@compiled
+def _finish(
+    target: View,
+    source: View,
+    how: Comparison,
+    likely: Likelihood,
+    floors: FloatArray,
+    effort: Effort,
+    counts: IntArray,
+    found: Matches,
+    c: int,
+) -> None:
+    r, t, areas = found.rotation[c], found.shift_mm[c], found.areas[c]
+    found.floor_mm[c] = maximise_consistently(
+        target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely, floors, r, t,
+        found.information[c], found.distance2[c],
+    )  # fmt: skip
+    compare_both(target, source, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
+    found.score[c] = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]

@@ -41,7 +41,7 @@ class PatchParams:
     gate_sigma: points farther from their plane lose their label.
     fit_rounds: Gauss-Newton steps of a fit.
     edge_pixels: points at both ends of a segment that are left out: the laser spot lies across.
-    bias_rounds: turns of taking the bias out and fitting again.
+    bias_rounds: turns in which a plane and its bias settle, on a sample of its points.
     """
 
     join_gain: float = 25.0
@@ -53,7 +53,7 @@ class PatchParams:
     gate_sigma: float = 3.5
     fit_rounds: int = 2
     edge_pixels: int = 1
-    bias_rounds: int = 2
+    bias_rounds: int = 3
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,8 @@ class VerificationParams:
     contradiction_weight: support that a contradiction outweighs.
     rough_tolerance_mm, rough_stride: distance within which a point supports a candidate at first,
         and the share of samples that is looked at.
-    kept: candidates that are settled at most; worth_settling: share of the best score they need.
+    ranked: candidates that are looked at, of most agreement; kept: that are settled at most.
+    worth_settling: share of the best score they need; worth_refining: and then, for the last steps.
     """
 
     samples: int = 1500
@@ -140,8 +141,10 @@ class VerificationParams:
     contradiction_weight: float = 2.0
     rough_tolerance_mm: float = 20.0
     rough_stride: int = 8
+    ranked: int = 40
     kept: int = 10
     worth_settling: float = 0.4
+    worth_refining: float = 0.6
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,20 @@ from time import perf_counter
 import numpy as np
 
 from registration.gauss_sphere.beams import Fan, fan_of
-from registration.gauss_sphere.calibrated import Known, corrected, read_known
-from registration.gauss_sphere.decision import distinct, judge, same, sliding
+from registration.gauss_sphere.calibrated import Known, read_known
+from registration.gauss_sphere.decision import judge, sliding
 from registration.gauss_sphere.evidence import PlaneEvidence
-from registration.gauss_sphere.growing import find_patches
-from registration.gauss_sphere.matching import Settled, settle
+from registration.gauss_sphere.growing import labels
+from registration.gauss_sphere.matching import settle_best
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, fit_patches
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
+from registration.gauss_sphere.straightening import straightened
 from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View, rank, view_of
 from registration.result import RegistrationResult
-from registration.scan import FloatArray, Scan
+from registration.scan import Scan
 
 ONE_DIRECTION_RAD = 0.1
 
@@ -40,35 +41,18 @@ def describe(scan: Scan, params: GaussSphereParams) -> View:
 
     Raises CalibrationError or OSError where params name a calibration that cannot be read.
     """
-    fan = fan_of(scan)
-    patches = find_patches(fan, find_segments(fan, params.segments), params.patches)
-    if params.calibration:
-        fan, patches = calibrated(fan, patches, read_known(params.calibration), params)
+    fan, patches = planes(fan_of(scan), read_known(params.calibration), params)
     return view_of(fan, patches, params.verification)
 
 
-def calibrated(
-    measured: Fan, patches: Patches, known: Known, params: GaussSphereParams
-) -> tuple[Fan, Patches]:
-    """The fan and its planes with what is known of the sensor taken into account.
-
-    The bias bends planes, which then fall to pieces, and tilts the pieces, by which the bias is
-    known: corrected and fitted again in turns, they settle, and come together when found anew.
-    """
-    fan, patches = correct_in_turns(measured, patches, known, params)
-    patches = find_patches(fan, find_segments(fan, params.segments), params.patches)
-    return correct_in_turns(measured, patches, known, params)
-
-
-def correct_in_turns(
-    measured: Fan, patches: Patches, known: Known, params: GaussSphereParams
-) -> tuple[Fan, Patches]:
-    """Correct the points of the patches by their planes and fit again, in turns."""
-    fan = measured
-    for _ in range(params.patches.bias_rounds):
-        fan = corrected(measured, patches, known)
-        patches = fit_patches(fan, patches.label, patches.n_points.size, params.patches)
-    return fan, patches
+def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan, Patches]:
+    """The planes of a scan, with what is known of the sensor taken into account."""
+    found = labels(measured, find_segments(measured, params.segments), params.patches)
+    if not known.given:
+        return measured, fit_patches(measured, *found, params.patches)
+    fan, known = straightened(measured, *found, known, params.patches.bias_rounds)
+    found = labels(fan, find_segments(fan, params.segments), params.patches)
+    return fan, fit_patches(fan, *found, params.patches, known, measured.depth_mm)
 
 
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
@@ -97,6 +81,7 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
     )
     shifted = perf_counter()
     rough = params.verification
+    rotations, shifts = rotations[: rough.ranked], shifts[: rough.ranked]
     areas = rank(
         target, source, rotations, shifts, rough.rough_tolerance_mm, rough.rough_stride, rough
     )
@@ -108,53 +93,14 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
             "failed",
             "no pose lays two planes of one view on planes of the other: the views may not overlap",
         )
-    ranked = distinct(settled, middle(source), params.decision)
-    result = judge(ranked, target, source, params.decision)
-    planes = PlaneEvidence(target, source, ranked[0].pairs, ranked[0].distance2)
+    result = judge(settled, target, source, params.decision)
+    planes = PlaneEvidence(target, source, settled[0].pairs, settled[0].distance2)
     stage_ms = {
         "rotation": 1e3 * (turned - started),
         "translation": 1e3 * (shifted - turned),
         "verification": 1e3 * (perf_counter() - shifted),
     }
     return replace(result, stage_ms=stage_ms, evidence={"planes": planes})
-
-
-def settle_best(
-    target: View,
-    source: View,
-    rotations: FloatArray,
-    shifts_mm: FloatArray,
-    scores: FloatArray,
-    params: GaussSphereParams,
-) -> list[Settled]:
-    """Settle the candidates by falling score until the rest cannot rival the best."""
-    settled: list[Settled] = []
-    best, centre = -np.inf, middle(source)
-    for c in np.argsort(-scores, kind="stable")[: params.verification.kept]:
-        if settled and scores[c] < params.verification.worth_settling * best:
-            break
-        if any(same(pose, rotations[c], shifts_mm[c], centre, params.decision) for pose in settled):
-            continue
-        pose = settle(
-            target,
-            source,
-            rotations[c],
-            shifts_mm[c],
-            params.match,
-            params.refine,
-            params.verification,
-            params.verification.worth_settling * max(best, 0.0),
-        )
-        if pose is not None:
-            settled.append(pose)
-            best = max(best, pose.score)
-    return settled
-
-
-def middle(view: View) -> FloatArray:
-    """(3,) centre in mm of the surface that a view saw, in its own frame."""
-    centre: FloatArray = np.average(view.patches.centroid_mm, axis=0, weights=view.patches.area_mm2)
-    return centre
 
 
 def _no_rotation(target: View, source: View) -> RegistrationResult:

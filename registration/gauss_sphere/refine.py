@@ -8,9 +8,15 @@ import numpy as np
 
 from registration.gauss_sphere.params import RefineParams
 from registration.gauss_sphere.patches import Patches
-from registration.gauss_sphere.small_matrices import apply_step, invert_symmetric3
+from registration.gauss_sphere.small_matrices import (
+    apply_step,
+    invert_symmetric3,
+    solve_damped6,
+)
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
+
+ROUGHLY, EXACTLY = 1e-3, 1e-6  # gain in log likelihood at which a maximum is reached
 
 
 class Likelihood(NamedTuple):
@@ -58,7 +64,7 @@ def maximise_consistently(
     # From the largest floor down, each from the pose of the one before: the planes' agreement
     # sharpens step by step, and a few that agree by chance do not catch the pose.
     for f in range(n_floors - 1, -1, -1):
-        maximise(target, source, pairs, likely, floors_mm[f], r, t, information, distance2)
+        maximise(target, source, pairs, likely, floors_mm[f], r, t, information, distance2, ROUGHLY)
         poses_r[f] = r
         poses_t[f] = t
         agreeing, total, n_agreeing = 0.0, 0.0, 0
@@ -73,7 +79,7 @@ def maximise_consistently(
             used = f
     r[:] = poses_r[used]
     t[:] = poses_t[used]
-    maximise(target, source, pairs, likely, floors_mm[used], r, t, information, distance2)
+    maximise(target, source, pairs, likely, floors_mm[used], r, t, information, distance2, EXACTLY)
     return float(floors_mm[used])
 
 
@@ -88,6 +94,7 @@ def maximise(
     t: FloatArray,
     information: FloatArray,
     distance2: FloatArray,
+    enough: float,
 ) -> None:
     """Maximise the likelihood of matched planes, unknown in both views, over the pose.
 
@@ -100,20 +107,16 @@ def maximise(
     the lever of its tilt, added to every covariance.  r (3, 3), t (3,): the pose, changed in place.
     information: (6, 6) out, of a perturbation (rad, mm) on the left, about the target's origin.
     distance2: (m,) or longer, out: squared Mahalanobis distances, three degrees of freedom each.
+    enough: gain in log likelihood below which a step is the last.
     """
     hessian, gradient = np.zeros((6, 6)), np.zeros(6)
+    lower, step = np.zeros((6, 6)), np.zeros(6)
     trial_r, trial_t = r.copy(), t.copy()
     damping = 1e-4
     cost = _accumulate(target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2)
     information[:] = hessian
     for _ in range(likely.rounds):
-        damped = hessian.copy()
-        for i in range(6):
-            damped[i, i] += damping * hessian[i, i] + 1e-12 * max(hessian[0, 0], 1.0)
-        damped[3, 3] += 1e-9
-        damped[4, 4] += 1e-9
-        damped[5, 5] += 1e-9
-        step = np.linalg.solve(damped, -gradient).astype(np.float64)
+        solve_damped6(hessian, gradient, damping, lower, step)
         # No step may turn further than the linearisation holds.
         turn = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
         if turn > 0.2:
@@ -129,7 +132,7 @@ def maximise(
             t[:] = trial_t
             information[:] = hessian
             damping = max(damping * 0.1, 1e-9)
-            if gain < 1e-6:
+            if gain < enough:
                 break
         else:
             damping *= 100.0
@@ -160,7 +163,8 @@ def _accumulate(
     cost = 0.0
     n, c, d = np.empty(3), np.empty(3), np.empty(3)
     f = np.empty((2, 3))
-    map_b, spread, weight = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    map_b, mapped = np.empty((3, 3)), np.empty((3, 3))
+    spread, weight = np.empty((3, 3)), np.empty((3, 3))
     jacobian, residual, pull = np.zeros((3, 6)), np.empty(3), np.empty(3)
     for m in range(pairs.shape[0]):
         i, k = pairs[m, 0], pairs[m, 1]
@@ -181,13 +185,19 @@ def _accumulate(
             map_b[v, 2] = 0.0
             map_b[2, v] = f[v, 0] * d[0] + f[v, 1] * d[1] + f[v, 2] * d[2]
         map_b[2, 2] = 1.0
+        # Covariance of the difference: cov_a + map_b cov_b map_b^T, map_b = [[m, 0], [l, 1]].
         for u in range(3):
             for v in range(3):
-                total = cov_a[i, u, v]
-                for x in range(3):
-                    for y in range(3):
-                        total += map_b[u, x] * cov_b[k, x, y] * map_b[v, y]
-                spread[u, v] = total
+                mapped[u, v] = map_b[u, 0] * cov_b[k, 0, v] + map_b[u, 1] * cov_b[k, 1, v]
+        for v in range(3):
+            mapped[2, v] += cov_b[k, 2, v]
+        for u in range(3):
+            for v in range(u + 1):
+                total = mapped[u, 0] * map_b[v, 0] + mapped[u, 1] * map_b[v, 1]
+                if v == 2:
+                    total += mapped[u, 2]
+                spread[u, v] = cov_a[i, u, v] + total
+                spread[v, u] = spread[u, v]
         spread[0, 0] += tilt_floor * tilt_floor
         spread[1, 1] += tilt_floor * tilt_floor
         spread[2, 2] += offset_floor * offset_floor
@@ -213,16 +223,13 @@ def _accumulate(
         for u in range(3):
             jacobian[2, 3 + u] = n[u]
         for u in range(6):
-            total = 0.0
-            for x in range(3):
-                total += jacobian[x, u] * pull[x]
-            gradient[u] += robust * total
+            j0, j1, j2 = jacobian[0, u], jacobian[1, u], jacobian[2, u]
+            gradient[u] += robust * (j0 * pull[0] + j1 * pull[1] + j2 * pull[2])
+            w0 = robust * (j0 * weight[0, 0] + j1 * weight[1, 0] + j2 * weight[2, 0])
+            w1 = robust * (j0 * weight[0, 1] + j1 * weight[1, 1] + j2 * weight[2, 1])
+            w2 = robust * (j0 * weight[0, 2] + j1 * weight[1, 2] + j2 * weight[2, 2])
             for v in range(u, 6):
-                total = 0.0
-                for x in range(3):
-                    for y in range(3):
-                        total += jacobian[x, u] * weight[x, y] * jacobian[y, v]
-                hessian[u, v] += robust * total
+                hessian[u, v] += w0 * jacobian[0, v] + w1 * jacobian[1, v] + w2 * jacobian[2, v]
     for u in range(6):
         for v in range(u):
             hessian[u, v] = hessian[v, u]

@@ -25,28 +25,36 @@ class GaussSphere(NamedTuple):
     member: IntArray
 
 
+@compiled
 def gauss_sphere(patches: Patches, close_rad: float) -> GaussSphere:
     """Merge patches of like orientation wherever they lie (section 5.5), largest area first."""
     n = patches.n_points.size
-    direction = np.zeros((n, 3))
-    weight = np.zeros(n)
-    member = np.full(n, -1, dtype=np.int64)
+    direction, weight = np.zeros((n, 3)), np.zeros(n)
+    member = np.full(n, -1)
+    merged = np.empty(3)
     k = 0
-    for i in np.argsort(-patches.area_mm2, kind="stable"):
-        if k:
-            distance = np.linalg.norm(direction[:k] - patches.normal[i], axis=1)
-            nearest = int(np.argmin(distance))
-            if distance[nearest] < close_rad:
-                member[i] = nearest
-                merged = weight[nearest] * direction[nearest]
-                merged = merged + patches.area_mm2[i] * patches.normal[i]
-                direction[nearest] = merged / np.linalg.norm(merged)
-                weight[nearest] += patches.area_mm2[i]
-                continue
-        direction[k], weight[k], member[i] = patches.normal[i], patches.area_mm2[i], k
-        k += 1
-    order = np.argsort(-weight[:k], kind="stable")
-    renumber = np.empty(k, dtype=np.int64)
+    for i in np.argsort(-patches.area_mm2, kind="mergesort"):
+        area, normal = patches.area_mm2[i], patches.normal[i]
+        nearest, distance2 = -1, close_rad * close_rad
+        for j in range(k):
+            away2 = 0.0
+            for u in range(3):
+                away2 += (direction[j, u] - normal[u]) ** 2
+            if away2 < distance2:
+                nearest, distance2 = j, away2
+        if nearest < 0:
+            direction[k], weight[k], member[i] = normal, area, k
+            k += 1
+            continue
+        member[i] = nearest
+        size = 0.0
+        for u in range(3):
+            merged[u] = weight[nearest] * direction[nearest, u] + area * normal[u]
+            size += merged[u] * merged[u]
+        direction[nearest] = merged / np.sqrt(size)
+        weight[nearest] += area
+    order = np.argsort(-weight[:k], kind="mergesort")
+    renumber = np.empty(k, np.int64)
     renumber[order] = np.arange(k)
     return GaussSphere(direction[order], weight[order], renumber[member])
 
@@ -94,6 +102,10 @@ def _candidates(
     n = 0
     frame_a, frame_b = np.empty((3, 3)), np.empty((3, 3))
     cos_overlap = np.cos(overlap)
+    angle_b = np.empty((b.shape[0], b.shape[0]))
+    for k in range(b.shape[0]):
+        for m in range(b.shape[0]):
+            angle_b[k, m] = _angle(b[k], b[m])
     for i in range(a.shape[0]):
         for j in range(i + 1, a.shape[0]):
             angle = _angle(a[i], a[j])
@@ -102,7 +114,7 @@ def _candidates(
             _frame(a[i], a[j], frame_a)
             for k in range(b.shape[0]):
                 for m in range(b.shape[0]):
-                    if k == m or abs(_angle(b[k], b[m]) - angle) > tolerance:
+                    if k == m or abs(angle_b[k, m] - angle) > tolerance:
                         continue
                     if n == rotations.shape[0]:
                         return n

@@ -66,9 +66,10 @@ def _line_rss(sums: FloatArray, a: int, b: int) -> float:
     q = sums[b, 3] - sums[a, 3]
     sq = sums[b, 4] - sums[a, 4]
     qq = sums[b, 5] - sums[a, 5]
-    var_s = ss - s * s / w
-    cov = sq - s * q / w
-    rss = qq - q * q / w
+    mean_s, mean_q = s / w, q / w
+    var_s = ss - s * mean_s
+    cov = sq - s * mean_q
+    rss = qq - q * mean_q
     if var_s > 0.0:
         rss -= cov * cov / var_s
     return float(max(rss, 0.0))
@@ -164,10 +165,14 @@ def _segment_profiles(
                         n_cuts += 1
                 # Each cut again, best between its neighbours; then cuts that win nothing go.
                 for _ in range(2):
+                    moved = False
                     for c in range(1, n_cuts - 1):
                         where, rss = _best_split(sums, cuts[c - 1], cuts[c + 1], least)
-                        if where >= 0:
+                        if where >= 0 and where != cuts[c]:
                             cuts[c] = where
+                            moved = True
+                    if not moved:
+                        break
                 c = 1
                 while c < n_cuts - 1:
                     a, k, b = cuts[c - 1], cuts[c], cuts[c + 1]

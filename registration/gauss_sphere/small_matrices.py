@@ -42,6 +42,37 @@ def invert_symmetric3(a: FloatArray, out: FloatArray) -> None:
 
 
 @compiled
+def solve_damped6(
+    a: FloatArray, b: FloatArray, damping: float, lower: FloatArray, x: FloatArray
+) -> None:
+    """Solve (A + damping diag(A)) x = -b for a positive semidefinite (6, 6) A, by Cholesky.
+
+    lower: (6, 6) to work in.  Directions that A leaves open stay where they are.
+    """
+    least = 1e-12 * max(a[0, 0], 1.0)
+    for i in range(6):
+        for j in range(i + 1):
+            total = a[i, j]
+            for k in range(j):
+                total -= lower[i, k] * lower[j, k]
+            if i == j:
+                total += damping * a[i, i] + least + (1e-9 if i >= 3 else 0.0)
+                lower[i, i] = np.sqrt(max(total, 1e-300))
+            else:
+                lower[i, j] = total / lower[j, j]
+    for i in range(6):
+        total = -b[i]
+        for k in range(i):
+            total -= lower[i, k] * x[k]
+        x[i] = total / lower[i, i]
+    for i in range(5, -1, -1):
+        total = x[i]
+        for k in range(i + 1, 6):
+            total -= lower[k, i] * x[k]
+        x[i] = total / lower[i, i]
+
+
+@compiled
 def apply_step(
     step: FloatArray, r: FloatArray, t: FloatArray, out_r: FloatArray, out_t: FloatArray
 ) -> None:

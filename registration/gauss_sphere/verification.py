@@ -21,14 +21,13 @@ from registration.scan import FloatArray, IntArray
 
 SUPPORT, CONTRADICTION, HIDDEN, OUTSIDE = range(4)
 GOLDEN_RATIO = 0.6180339887498949
+CELLS_PER_PIXEL = 8
 
 
 class View(NamedTuple):
     """A scan ready to be compared: its image of patches and a sample of its points.
 
     pixel_of: (cells,) pixel of each cell of slope; slope_low, cells_per_slope: where they lie.
-    nearest_mm: (profiles, pixels) smallest depth in the 3 x 3 neighbourhood, NaN where one of it
-        is missing.
     sample_mm: (n, 3) points on the patches, in random order; sample_patch: (n,) theirs;
     sample_area: (n,) mm^2 that each stands for.
     """
@@ -38,7 +37,6 @@ class View(NamedTuple):
     pixel_of: IntArray
     slope_low: float
     cells_per_slope: float
-    nearest_mm: FloatArray
     sample_mm: FloatArray
     sample_patch: IntArray
     sample_area: FloatArray
@@ -61,52 +59,71 @@ def comparison(params: VerificationParams) -> Comparison:
 
 def view_of(fan: Fan, patches: Patches, params: VerificationParams) -> View:
     """Prepare a scan for verification."""
+    return _view_of(fan, patches, params.samples)
+
+
+@compiled
+def _view_of(fan: Fan, patches: Patches, most: int) -> View:
     pixel_of, slope_low, cells_per_slope = _slope_table(fan.column_slope)
-    nearest = np.empty_like(fan.depth_mm)
-    _nearest(fan.depth_mm, nearest)
-    profile, pixel = np.nonzero(patches.label >= 0)
-    n = min(params.samples, profile.size)
-    chosen = np.arange(n) * profile.size // max(n, 1)
-    # In an order whose every stride is spread over the scan, so that a part of them will do.
-    chosen = chosen[np.argsort(np.arange(n) * GOLDEN_RATIO % 1.0, kind="stable")]
-    profile, pixel = profile[chosen], pixel[chosen]
-    patch = patches.label[profile, pixel]
-    points = _feet(fan, patches, profile, pixel, patch)
-    sampled = np.bincount(patch, minlength=patches.n_points.size)
-    area = patches.area_mm2[patch] / np.maximum(sampled, 1)[patch]
-    return View(
-        fan, patches, pixel_of, slope_low, cells_per_slope, nearest, points, patch, area
-    )  # fmt: skip
+    label, n_all = patches.label, 0
+    for i in range(patches.n_points.size):
+        n_all += patches.n_points[i]
+    n = min(most, n_all)
+    # Even steps through the scan, in an order whose every stride is spread over it.
+    turns = np.empty(n)
+    for j in range(n):
+        turns[j] = j * GOLDEN_RATIO % 1.0
+    place = np.empty(n, np.int64)
+    place[np.argsort(turns, kind="mergesort")] = np.arange(n)
+    points, patch, area = np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
+    sampled = np.zeros(patches.n_points.size)
+    seen, j = 0, 0
+    for p in range(label.shape[0]):
+        for u in range(label.shape[1]):
+            i = label[p, u]
+            if i < 0:
+                continue
+            if j < n and seen == j * n_all // n:
+                _foot(fan, patches, p, u, points[place[j]])
+                patch[place[j]] = i
+                sampled[i] += 1.0
+                j += 1
+            seen += 1
+    for j in range(n):
+        area[j] = patches.area_mm2[patch[j]] / sampled[patch[j]]
+    return View(fan, patches, pixel_of, slope_low, cells_per_slope, points, patch, area)
 
 
-def _feet(
-    fan: Fan, patches: Patches, profile: IntArray, pixel: IntArray, patch: IntArray
-) -> FloatArray:
-    """Where the beams meet their patches: one point's noise would only blur the comparison."""
-    slope = fan.slope[profile, pixel]
-    normal = patches.normal[patch]
-    origin = np.tile(fan.apex_mm, (slope.size, 1))
-    origin[:, 0] = fan.x_mm[profile]
-    origin[:, 1:] += fan.x_mm[profile][:, None] * fan.lean
-    along = normal[:, 1] * slope + normal[:, 2]
-    depth = (patches.offset_mm[patch] - np.einsum("ij,ij->i", normal, origin)) / along
-    points: FloatArray = origin + np.stack([np.zeros_like(depth), slope * depth, depth], axis=1)
-    return points
+@compiled
+def _foot(fan: Fan, patches: Patches, p: int, u: int, point: FloatArray) -> None:
+    """Where the beam meets its patch: one point's noise would only blur the comparison."""
+    i, s = patches.label[p, u], fan.slope[p, u]
+    n = patches.normal[i]
+    x = fan.x_mm[p]
+    y, z = fan.apex_mm[1] + fan.lean[0] * x, fan.apex_mm[2] + fan.lean[1] * x
+    depth = (patches.offset_mm[i] - n[0] * x - n[1] * y - n[2] * z) / (n[1] * s + n[2])
+    point[0], point[1], point[2] = x, y + s * depth, z + depth
 
 
+@compiled
 def _slope_table(column_slope: FloatArray) -> tuple[IntArray, float, float]:
+    """The pixel nearest to each cell of slope, the lowest slope, and cells per unit of it."""
     known = np.flatnonzero(np.isfinite(column_slope))
-    order = known[np.argsort(column_slope[known], kind="stable")]
+    order = known[np.argsort(column_slope[known], kind="mergesort")]
     slopes = column_slope[order]
     if known.size < 2 or slopes[-1] == slopes[0]:
-        return np.full(1, -1, dtype=np.int64), 0.0, 0.0
+        return np.full(1, -1), 0.0, 0.0
     gap = (slopes[-1] - slopes[0]) / (known.size - 1)
     low, high = slopes[0] - 0.5 * gap, slopes[-1] + 0.5 * gap
-    cells = 8 * column_slope.size
-    centre = low + (np.arange(cells) + 0.5) * (high - low) / cells
-    upper = np.clip(np.searchsorted(slopes, centre), 1, slopes.size - 1)
-    nearer = np.where(centre - slopes[upper - 1] < slopes[upper] - centre, upper - 1, upper)
-    return order[nearer], float(low), float(cells / (high - low))
+    pixel_of = np.empty(CELLS_PER_PIXEL * column_slope.size, np.int64)
+    upper = 1
+    for i in range(pixel_of.size):
+        centre = low + (i + 0.5) * (high - low) / pixel_of.size
+        while upper < slopes.size - 1 and slopes[upper] < centre:
+            upper += 1
+        nearer = upper - 1 if centre - slopes[upper - 1] < slopes[upper] - centre else upper
+        pixel_of[i] = order[nearer]
+    return pixel_of, low, pixel_of.size / (high - low)
 
 
 def rank(
@@ -182,7 +199,7 @@ def _compare(
 ) -> None:
     x, apex, depth = seen_by.fan.x_mm, seen_by.fan.apex_mm, seen_by.fan.depth_mm
     lean_y, lean_z = seen_by.fan.lean
-    label, nearest = seen_by.patches.label, seen_by.nearest_mm
+    label = seen_by.patches.label
     normal, offset = seen_by.patches.normal, seen_by.patches.offset_mm
     source_normal = points_of.patches.normal
     rows = x.size
@@ -222,7 +239,7 @@ def _compare(
                 areas[SUPPORT] += area
                 counts[i, k] += 1
                 continue
-        if z < nearest[row, pixel] - how.free_space_mm - tolerance:
+        if _stands_before(depth, row, pixel, z + how.free_space_mm + tolerance):
             areas[CONTRADICTION] += area
         elif z > depth[row, pixel] + tolerance:
             areas[HIDDEN] += area
@@ -231,16 +248,12 @@ def _compare(
 
 
 @compiled
-def _nearest(depth: FloatArray, nearest: FloatArray) -> None:
-    rows, columns = depth.shape
-    nearest[:] = np.nan
-    for p in range(1, rows - 1):
-        for u in range(1, columns - 1):
-            smallest = depth[p, u]
-            for dp in range(-1, 2):
-                for du in range(-1, 2):
-                    d = depth[p + dp, u + du]
-                    # Not smaller also where d is missing: then nothing is known of free space.
-                    if not d >= smallest:
-                        smallest = d
-            nearest[p, u] = smallest
+def _stands_before(depth: FloatArray, row: int, pixel: int, z: float) -> bool:
+    """Whether z lies before all nine depths there; where one is missing nothing is known."""
+    if row < 1 or pixel < 1 or row + 1 >= depth.shape[0] or pixel + 1 >= depth.shape[1]:
+        return False
+    for p in range(row - 1, row + 2):
+        for u in range(pixel - 1, pixel + 2):
+            if not z < depth[p, u]:
+                return False
+    return True

@@ -11,9 +11,12 @@ from plane_scans import Plates, plates_from, scan_plates
 
 from registration import Scan, register
 from registration.calibration import Calibration, CalibrationError, Table
-from registration.gauss_sphere.calibrated import corrected, known_of
+from registration.gauss_sphere.beams import Fan
+from registration.gauss_sphere.calibrated import known_of, take_bias
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.pipeline import describe
+from registration.gauss_sphere.straightening import straightened
+from registration.gauss_sphere.verification import View
 
 DEPTH_MM = np.linspace(200.0, 1200.0, 11)
 
@@ -76,17 +79,26 @@ def test_planes_are_straight_again(form: str, made: Plates, tmp_path: Path) -> N
     assert worst(scan, made, GaussSphereParams())[1] > 1.0
 
 
+def fan_without_bias(view: View, model: Calibration) -> Fan:
+    patches = view.patches
+    known = known_of(model)
+    return straightened(view.fan, patches.label, patches.n_points.size, known, turns=3)[0]
+
+
 @pytest.mark.parametrize("form", ["incidence", "lateral"])
-def test_the_fast_table_is_the_calibration(form: str, made: Plates) -> None:
+def test_the_fast_table_is_the_calibration(form: str) -> None:
     model = calibration(form)
-    view = describe(scan_plates(made), GaussSphereParams())
-    taken = view.fan.depth_mm - corrected(view.fan, view.patches, known_of(model)).depth_mm
-    on = view.patches.label >= 0
-    normal = view.patches.normal[view.patches.label[on]]
-    slope = view.fan.slope[on]
-    cos = -(normal[:, 1] * slope + normal[:, 2]) / np.sqrt(1.0 + slope**2)
-    expected = model.bias_mm(view.fan.depth_mm[on] - 60.0, slope, cos)
-    np.testing.assert_allclose(taken[on], expected, atol=2e-3)
+    rng = np.random.default_rng(0)
+    slope, z = rng.uniform(-0.3, 0.3, 500), rng.uniform(150.0, 1250.0, 500)
+    normal = np.array([0.1, -0.3, -np.sqrt(0.9)])
+    apex_z = -60.0
+    beams = np.stack([np.zeros(500), slope, z - apex_z, np.ones(500), z - apex_z])
+    take_bias(beams, normal, apex_z, known_of(model)._replace(sigma_scale=2.0))
+    cos = -(normal[1] * slope + normal[2]) / np.sqrt(1.0 + slope**2)
+    expected = model.bias_mm(z, slope, cos)
+    np.testing.assert_allclose(beams[4] - beams[2], expected, atol=2e-3)
+    tangent = np.sqrt(1.0 / cos**2 - 1.0)
+    np.testing.assert_allclose(beams[3], 2.0 * model.sigma.value(z, tangent), rtol=1e-9)
 
 
 def test_points_are_weighted_by_the_noise_of_their_inclination(made: Plates) -> None:
@@ -94,14 +106,14 @@ def test_points_are_weighted_by_the_noise_of_their_inclination(made: Plates) -> 
     steep = np.array([[0.5, 0.5, 2.0, 2.0]] * DEPTH_MM.size)  # four times the noise on a slant
     model = replace(level, sigma=Table(DEPTH_MM, np.array([0.0, 0.28, 0.36, 3.0]), steep))
     view = describe(scan_plates(made), GaussSphereParams())
-    fan = corrected(view.fan, view.patches, known_of(model))
+    fan = fan_without_bias(view, model)
     sigma = []
     for plate in (0, 2):
         normal = made.axes[plate, 2] * -np.sign(made.axes[plate, 2, 2])
         i = np.argmin(np.linalg.norm(view.patches.normal - normal, axis=1))
         sigma.append(np.median(fan.sigma_mm[view.patches.label == i]))
     assert sigma[1] / sigma[0] == pytest.approx(4.0, rel=0.05)
-    uniform = corrected(view.fan, view.patches, known_of(level))
+    uniform = fan_without_bias(view, level)
     on = view.patches.label >= 0
     np.testing.assert_allclose(uniform.sigma_mm[on], view.fan.sigma_mm[on], rtol=0.3)
 
