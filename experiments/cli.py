@@ -25,6 +25,7 @@ examples:
   run-experiment --list
   run-experiment --show-scene desk
   run-experiment --register left.3dx right.3dx --step 5
+  run-experiment --compare results/before results/after
 
 exit status: 0 done, 1 when trials ended with an error or --register found no sure pose, 2 when the
 request is wrong (nothing is written then), 130 when interrupted."""
@@ -62,7 +63,7 @@ def _main(options: argparse.Namespace) -> int:
             load_experiment(options.config, options.set, options.seed)
             if not (options.dry_run or options.trial or options.show_scene):
                 start_server()  # it imports while this process does
-        elif options.show_scene is None and options.register is None:
+        elif not (options.show_scene or options.register or options.compare):
             raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     except ConfigError as error:
         return _refuse(error)
@@ -117,6 +118,13 @@ def _parser() -> argparse.ArgumentParser:
         "and views",
     )
     what.add_argument(
+        "--compare",
+        nargs=2,
+        type=Path,
+        metavar=("A", "B"),
+        help="two results folders: what B changed on the trials that both have",
+    )
+    what.add_argument(
         "--register",
         nargs=2,
         type=Path,
@@ -154,11 +162,14 @@ def _check_register(options: argparse.Namespace) -> None:
         for name in ("step", "travel", "method", "calibration"):
             if getattr(options, name) is not None:
                 raise ConfigError(f"--{name}", (), "belongs to --register TARGET SOURCE")
+    asked = next((name for name in ("register", "compare") if getattr(options, name)), None)
+    if asked is None:
         return
+    what = "reads two files" if asked == "register" else "reads two results folders"
     for name in ("config", "set", "seed", "workers"):
         if getattr(options, name) not in (None, []):
             flag = "CONFIG" if name == "config" else f"--{name}"
-            raise ConfigError(flag, (), "says nothing to --register, which reads two files")
+            raise ConfigError(flag, (), f"says nothing to --{asked}, which {what}")
 
 
 def _refuse(error: Exception) -> int:
@@ -252,6 +263,11 @@ def _find_own_methods() -> None:
 
 def _run(options: argparse.Namespace) -> int:
     _find_own_methods()
+    if options.compare is not None:
+        from experiments.compare_runs import compare
+
+        first, second = options.compare
+        return compare(first, second, options.out)
     if options.register is not None:
         from experiments.own_scans import register_files
 

@@ -1,0 +1,72 @@
+"""What `run-experiment --compare` does: two results folders against each other, trial by trial."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments.cli import EXIT_OK
+from experiments.terminal import make_console, show_paths, show_tables
+from harness.compare import changed_table, comparison_table, matched, summary
+from harness.compare_figure import draw_comparison
+from harness.config_errors import ConfigError
+from harness.pair_view import file_slug
+from harness.report.page import Part
+from harness.report.run_page import write_page
+from harness.store import load
+from harness.table_files import write_tables
+
+
+def compare(first: Path, second: Path, folder: Path | None) -> int:
+    """Compare the rows of two results folders, and write tables, a figure and a page.
+
+    Returns the exit status; raises ConfigError and StoreError, one line, before anything is
+    written.
+    """
+    rows = [load(each, specs=True, arrays=False) for each in (first, second)]
+    pairs = matched(*rows)
+    if pairs.empty:
+        raise ConfigError(
+            "--compare", (), f"{first} and {second} have no trial in common: the same scene, "
+            "sensor, views, seed and repeat, and a method of the same label"
+        )  # fmt: skip
+    names = _names(first, second)
+    folder = folder or Path("results") / file_slug(f"{names[1]}_against_{names[0]}")
+    tables = [comparison_table(pairs, names), changed_table(pairs, names)]
+    tables = [table for table in tables if len(table.frame)]
+    write_tables(tables, folder / "tables")
+    figure = draw_comparison(pairs, names, folder / "figures" / "errors.png")
+    sentence = (
+        f"{len(pairs)} trials in common, of {len(rows[0])} in {names[0]} and {len(rows[1])} in "
+        f"{names[1]}. {summary(pairs, names)}"
+    )
+    part = Part(
+        name="comparison",
+        title=f"{names[1]} against {names[0]}",
+        sentence=sentence,
+        answer=tables[0],
+        tables=tables[1:],
+        figures=[figure],
+        config="\n\n".join(f"# {each}/config.yaml\n{_text(each)}" for each in (first, second)),
+        command=f"run-experiment --compare {first} {second}",
+    )
+    write_page(folder, part.title, [part])
+    console = make_console()
+    show_tables(console, tables)
+    console.print(sentence, markup=False)
+    show_paths(console, folder)
+    return EXIT_OK
+
+
+def _names(first: Path, second: Path) -> tuple[str, str]:
+    """What to call both: as little of the ends of their paths as tells them apart."""
+    one, other = first.resolve().parts, second.resolve().parts
+    for length in range(1, max(len(one), len(other))):
+        names = "/".join(one[-length:]), "/".join(other[-length:])
+        if names[0] != names[1]:
+            return names
+    return "the first", "the second"
+
+
+def _text(folder: Path) -> str:
+    file = folder / "config.yaml"
+    return file.read_text(encoding="utf-8") if file.exists() else ""
