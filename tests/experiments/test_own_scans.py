@@ -17,7 +17,7 @@ from scenes import SCENES
 from sensors import threedx
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.noise import NoiseParams
-from sensors.paths import aimed_view, straight_line
+from sensors.paths import aimed_view, straight_line, travel_of
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +62,28 @@ def test_files_of_a_jupiter_are_registered(
     assert len(merged.vertices) == sum(cloud.n_valid for cloud in clouds)
     moved = T_found.apply(clouds[1].points_mm[clouds[1].valid])
     np.testing.assert_allclose(merged.vertices[-len(moved) :], moved, atol=1e-3)
+
+
+def test_files_of_a_sensor_that_moved_along_the_vertical_are_registered(tmp_path: Path) -> None:
+    scene = SCENES["separated_planes"].builder(SCENES["separated_planes"].params_type())
+    sensor = Jupiter(JupiterParams(noise=NoiseParams.exact()))
+    files, poses = [], []
+    for name, yaw in (("target", -9.0), ("source", 8.0)):
+        view = aimed_view([0, 0, 0], 800, np.deg2rad(yaw), 0.2, 0.0, 70, 5.0, "vertical", "down")
+        path = straight_line(view, 70, 5.0, travel_of(view, "vertical", "down"))
+        scan = sensor.scan(scene, path, np.random.default_rng(0))
+        files.append(str(tmp_path / f"{name}.3dx"))
+        threedx.write(files[-1], threedx.from_scan(scan))
+        poses.append(view)
+    # Both views are pitched alike and not rolled, so they moved alike.
+    motion = ["--step", "5", "--travel", *(repr(value) for value in scan.travel.tolist())]
+    out = tmp_path / "out"
+    assert main(["--register", *files, *motion, "--out", str(out)]) == 0
+    answer = json.loads((out / "registration.json").read_text(encoding="utf-8"))
+    T_found = RigidTransform.from_matrix(answer["T_target_source"])
+    error = pose_error(poses[0].inv() * poses[1], T_found)
+    assert np.rad2deg(error.rotation_rad) < 0.05
+    assert error.translation_mm < 0.5
 
 
 def test_a_calibration_changes_the_estimate(

@@ -231,6 +231,26 @@ def test_wrong_magic_and_absurd_counts_name_the_offset(offset, with_bytes, messa
         decode(changed(threedx.encode(random_raw(6)), offset, with_bytes))
 
 
+@pytest.mark.parametrize("narrow", [False, True])
+@pytest.mark.parametrize("pixels", [255, 300, 0])
+def test_profiles_of_differing_pixels_are_refused_with_the_reason(narrow, pixels):
+    data = threedx.encode(random_raw(4, narrow=narrow))
+    at = (26 if narrow else 30) + 2 * 1283
+    odd = struct.pack("<HB", pixels, 0) + bytes(5 * pixels)
+    message = rf"^offset {at}: profile 2 has {pixels} pixels; expected 256, .* which beams"
+    with pytest.raises(ThreeDxError, match=message):
+        decode(data[:at] + odd + data[at + 1283 :])
+
+
+def test_what_a_scan_has_no_place_for_is_taken_from_the_file_it_came_from():
+    raw = random_raw(5)
+    assert_equal(threedx.from_scan(threedx.to_scan(raw, 3.0), like=raw), raw)
+    slanting = threedx.to_scan(raw, 3.0, [0.9, 0.1, -0.4])
+    assert_equal(threedx.from_scan(slanting, like=raw), raw)
+    with pytest.raises(ThreeDxError, match="has 3 profiles; the scan has 4"):
+        threedx.from_scan(slanting, like=random_raw(5, profiles=3))
+
+
 def test_announced_gigabytes_are_not_allocated():
     data = threedx.encode(random_raw(7))
     data = changed(changed(data, 25, b"\xff\xff"), 30, b"\xff\xff")
