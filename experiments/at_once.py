@@ -1,4 +1,4 @@
-"""The experiments without trials, which take seconds: nothing of them has to be resumed."""
+"""The experiments that run as a whole: in seconds, or keeping their own rows."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from experiments.discussion import run_discussion
+from experiments.discussion_trials import KIND as DISCUSSION
 from experiments.precision import rehearse_precision, run_precision
 from experiments.profile_pairs import KIND, check_kept, rehearse_profiles, run_profiles
 from experiments.terminal import make_console, show_paths, show_tables
@@ -17,7 +19,11 @@ from harness.table_files import Table
 Run = Callable[[Path, Path | None, Sequence[str], int | None], tuple[list[Table], Path]]
 
 # By the key `experiment` of the config; harness.config.experiment_kind reads it.
-RUNS: dict[str, Run] = {"precision": run_precision, KIND: run_profiles}
+RUNS: dict[str, Run] = {
+    "precision": run_precision,
+    KIND: run_profiles,
+    DISCUSSION: run_discussion,
+}
 
 Rehearsal = Callable[[Path, Path | None, Sequence[str], int | None], list[str]]
 REHEARSALS: dict[str, Rehearsal] = {"precision": rehearse_precision, KIND: rehearse_profiles}

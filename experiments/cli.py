@@ -10,7 +10,8 @@ from pathlib import Path
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 CHAPTERS = "chapters"  # experiments.chapters.KIND, likewise
-AT_ONCE = ("precision", "profiles")  # experiments.at_once.RUNS, which imports too much for --help
+# experiments.at_once.RUNS, which imports too much for --help
+AT_ONCE = ("precision", "profiles", "discussion")
 
 DESCRIPTION = """\
 Run an experiment: scan a scene in simulation, register pairs of views, score the estimates against

@@ -138,10 +138,10 @@ def _conclusion(frame: pd.DataFrame, labels: list[str]) -> str:
         known = [(variant, limits) for variant, limits in bounds if limits is not None]
         less = _names(v for v, limits in known if limits[1] < 1.0)
         greater = _names(v for v, limits in known if limits[0] > 1.0)
-        parts.append(f"{title.lower()} smaller: {less}; larger: {greater}")
+        parts.append(f"{title} smaller: {less}; larger: {greater}")
     return (
         f"\nOver all {int(lines['Trials'].max())} trials a variant, beyond chance at 5 % each: "
-        f"{parts[0]}; {parts[1]}.\n{'. '.join(part.capitalize() for part in parts[2:])}."
+        f"{parts[0]}; {parts[1]}.\n{'. '.join(parts[2:])}."
     )
 
 

@@ -1,0 +1,121 @@
+"""The experiment `discussion`: what section 6.6 says of its results, asked of the simulation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import RigidTransform
+
+from experiments.commands import available_cores
+from experiments.discussion_trials import Asked, DiscussionExperiment, load_discussion
+from experiments.terminal import make_console, reporting
+from experiments.turned_rotation import Turning, middle_mm, turn
+from harness.config import dump_yaml
+from harness.pool import MakeExecutor, process_pool
+from harness.provenance import code_fingerprint, run_facts
+from harness.runner import Task, run
+from harness.scoring import pose_error
+from harness.store import Store, load
+from harness.table_files import Table, write_tables
+from harness.trials import TrialSpec
+
+
+def run_discussion(
+    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+) -> tuple[list[Table], Path]:
+    """Perform what is missing, write rows, tables and figures; returns the tables and the folder.
+
+    Raises ConfigError before anything is written. Rows are kept one by one: a run that was cut off
+    goes on where it stopped.
+    """
+    from experiments.discussion_figures import draw_discussion
+    from experiments.discussion_tables import discussion_tables
+
+    experiment, asked = load_discussion(path, overrides, seed)
+    folder = folder or Path("results") / path.stem
+    make_executor = process_pool(min(available_cores(), len(asked)))
+    rows = perform_asked(asked, folder, make_executor)
+    turned = turn_rotations(experiment, asked, make_executor)
+    (folder / "config.yaml").write_text(
+        dump_yaml(experiment.model_dump(mode="json")), encoding="utf-8"
+    )
+    turned.to_csv(folder / "turned.csv", index=False)
+    tables = discussion_tables(experiment, rows, turned)
+    write_tables(tables, folder / "tables")
+    draw_discussion(experiment, rows, turned, folder / "figures")
+    return tables, folder
+
+
+def perform_asked(
+    asked: Sequence[Asked], folder: Path, make_executor: MakeExecutor
+) -> pd.DataFrame:
+    """Run the trials that have no row yet; returns all rows, as of store.load, with the questions.
+
+    Beside, columns question, scene and value; overlap, the smaller share of the two views;
+    theoretical_deg and theoretical_mm, how far the encoders' pose is off; middle_x_mm to
+    middle_z_mm, by how much the estimate misses the middle of the scene, in the target's frame.
+    """
+    whole = [a for a in asked if a.question != "turned"]
+    trials = [a.trial for a in whole]
+    code = code_fingerprint({trial.spec.method.name for trial in trials})
+    with Store(folder) as store:
+        done = store.finished(code)
+        missing = {t.id: t for t in trials if t.id not in done}
+        if missing:
+            facts = json.dumps(run_facts(code), indent=2)
+            (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+        store.begin(trials)
+        with reporting(make_console(), len(missing)) as reporter:
+            tasks = [Task(trial, keep=True) for trial in missing.values()]
+            for ended in run(tasks, store, code, make_executor):
+                reporter.tell(ended)
+    rows = load(folder)
+    rows["question"] = [a.question for a in whole]
+    rows["scene"] = [a.scene for a in whole]
+    rows["value"] = [a.value for a in whole]
+    rows["overlap"] = rows[["overlap_target", "overlap_source"]].min(axis=1)
+    errors = [_theoretical_error(row) for row in rows.to_dict("records")]
+    rows[["theoretical_deg", "theoretical_mm"]] = np.array(errors)
+    misses = [
+        _miss(row, a.trial.spec) for row, a in zip(rows.to_dict("records"), whole, strict=True)
+    ]
+    rows[["middle_x_mm", "middle_y_mm", "middle_z_mm"]] = np.array(misses)
+    return rows
+
+
+def turn_rotations(
+    experiment: DiscussionExperiment, asked: Sequence[Asked], make_executor: MakeExecutor
+) -> pd.DataFrame:
+    """Turn the true rotation of every trial of that question; rows as of turned_rotation.turn."""
+    turnings = [
+        Turning(a.trial, experiment.turned.angles_deg, experiment.turned.axes)
+        for a in asked
+        if a.question == "turned"
+    ]
+    with make_executor() as executor:
+        rows = [row for found in executor.map(turn, turnings) for row in found]
+    return pd.DataFrame(rows)
+
+
+def _theoretical_error(row: Mapping[Any, Any]) -> tuple[float, float]:
+    exact, theoretical = row["T_exact"], row["T_theoretical"]
+    if exact is None or theoretical is None:
+        return np.nan, np.nan
+    error = pose_error(*(RigidTransform.from_matrix(m) for m in (exact, theoretical)))
+    return float(np.rad2deg(error.rotation_rad)), error.translation_mm
+
+
+def _miss(row: Mapping[Any, Any], spec: object) -> tuple[float, ...]:
+    """(3,) where the estimate puts the middle of the scene, less where it is."""
+    assert isinstance(spec, TrialSpec)
+    if row["T_estimated"] is None or row["T_exact"] is None:
+        return (np.nan,) * 3
+    middle = middle_mm(spec)
+    exact, estimated = (RigidTransform.from_matrix(row[f"T_{k}"]) for k in ("exact", "estimated"))
+    miss = estimated.apply(exact.inv().apply(middle)) - middle
+    return tuple(miss.tolist())
