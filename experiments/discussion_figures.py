@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from experiments.discussion_tables import (
     ON_TOP,
@@ -17,6 +18,7 @@ from experiments.discussion_tables import (
     moved_errors,
     rms,
     rms_interval,
+    table_of,
 )
 from experiments.discussion_trials import PLAIN, DiscussionExperiment
 from harness.figures_page import GREY, INK, Style, add_axes, new_figure, save
@@ -70,7 +72,8 @@ def draw_turned(turned: pd.DataFrame) -> Figure:
         ("translation_error_mm", "of the translation, as the tables print it"),
         ("middle_error_mm", "of the middle of the scene"),
     )
-    top = float(turned["translation_error_mm"].quantile(0.98))
+    spread = turned.groupby(["method", "angle_deg"])["translation_error_mm"].quantile(0.75)
+    top = float(spread.max())
     for c, (column, title) in enumerate(panels):
         ax = add_axes(figure, 0.75 + 4.2 * c, 0.95, 3.7, 2.75)
         for method, group in turned.groupby("method", sort=False):
@@ -97,19 +100,19 @@ def draw_variants(rows: pd.DataFrame, title: str, labels: Sequence[str]) -> Figu
     chosen = rows[rows["method"].isin(labels)]
     entries = [("on scans", chosen[chosen["given"] == ""])]
     entered = chosen[chosen["given"] != ""]
-    if len(entered):
+    if set(entered["method"]) == set(labels):
         entries.append(("entered with the true rotation", entered))
     tall = 0.42 * len(labels) + 0.35
     figure = new_figure(
-        f"{title}\nPairs of tables 6.1, 6.4 and 6.5",
-        1.85 + (tall + 0.85) * len(entries),
+        f"{title}\nMethod thesis on the pairs of the tables",
+        1.05 + (tall + 0.85) * len(entries),
         "Left: share of the trials that are right, within "
         f"{COARSE.rotation_deg:g}° and {COARSE.translation_mm:g} mm, with Wilson's 95 % interval. "
         "Right: a dot is an answer of status ok, the bar the median of a pair.",
     )
-    pairs = list(dict.fromkeys(rows["value"]))
+    pairs = sorted(set(rows["value"]))
     for r, (entry, group) in enumerate(entries):
-        bottom = 1.05 + (tall + 0.85) * (len(entries) - 1 - r)
+        bottom = 0.95 + (tall + 0.85) * (len(entries) - 1 - r)
         shares = add_axes(figure, 1.75, bottom, 2.3, tall)
         errors = add_axes(figure, 4.35, bottom, 4.45, tall)
         _draw_shares(shares, group, labels)
@@ -135,7 +138,7 @@ def _draw_shares(ax: Axes, rows: pd.DataFrame, labels: Sequence[str]) -> None:
         ax.plot(right / len(group), y, "o", color=INK, ms=5)
         ax.annotate(f"{right}/{len(group)}", (right / len(group), y), (0, 5),
                     textcoords="offset points", ha="center", fontsize=7.5)  # fmt: skip
-    ax.set(xlim=(-0.02, 1.02), ylim=(len(labels) - 0.4, -0.6), xlabel="share of the trials")
+    ax.set(xlim=(-0.02, 1.09), ylim=(len(labels) - 0.4, -0.6), xlabel="share of the trials")
     ax.set_yticks(range(len(labels)), labels)
     ax.grid(axis="y", visible=False)
 
@@ -151,7 +154,9 @@ def _draw_errors(ax: Axes, rows: pd.DataFrame, labels: Sequence[str], pairs: Seq
                 ax.plot([np.median(values)] * 2, [at - 0.12, at + 0.12], color=INK, lw=1.4)
     ax.set_xscale("log")
     ax.set(ylim=(len(labels) - 0.4, -0.6), xlabel="translation error (mm)")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_yticks(range(len(labels)), [""] * len(labels))
     ax.grid(axis="y", visible=False)
 
@@ -166,6 +171,10 @@ def draw_moved(rows: pd.DataFrame, shift_mm: float) -> Figure:
         "print it; hollow: where the middle of the scene comes to lie, without the lever of the "
         "rotation error.",
     )
+    bounds = [
+        rms_interval(errors[:, axis]) for *_, errors in moved_errors(rows) for axis in range(3)
+    ]
+    low, high = np.nanmin(bounds), np.nanmax(bounds)
     for c, moved in enumerate(dict.fromkeys(rows["value"])):
         ax = add_axes(figure, 0.75 + 4.2 * c, 0.95, 3.7, 2.75)
         entries = [e for e in moved_errors(rows) if e[1] == moved]
@@ -180,16 +189,14 @@ def draw_moved(rows: pd.DataFrame, shift_mm: float) -> Figure:
                         mfc="white" if hollow else METHODS[method])  # fmt: skip
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter("{x:g}")
+        ax.set_ylim(0.4 * low, 1.6 * high)
         ax.set_xticks(range(3), ["X, motion", "Y, lateral", "Z, depth"])
         answers = len(entries[0][3]), len(entries[-1][3])
         ax.set_title(f"Moved along {moved}: {answers[0]} and {answers[1]} answers")
         ax.grid(axis="x", visible=False)
         if c == 0:
             ax.set_ylabel("error (mm)")
-            handles = [
-                Line2D([], [], ls="", marker=MARKERS[m], color=METHODS[m], label=m) for m in METHODS
-            ]
-            ax.legend(handles=handles, loc="upper right")
+    _legend(figure)
     return figure
 
 
@@ -224,38 +231,66 @@ def draw_overlap(rows: pd.DataFrame) -> Figure:
         ax.set_xlabel("overlap, the smaller share of the two views")
         if c == 0:
             ax.set_ylabel("share of the trials")
-        else:
-            ax.legend(loc="center right")
+    _legend(figure)
     return figure
+
+
+def _legend(figure: Figure) -> None:
+    """The two methods, beside the title."""
+    handles = [
+        Line2D([], [], ls="", marker=MARKERS[m], ms=6, color=METHODS[m], label=m) for m in METHODS
+    ]
+    figure.legend(handles=handles, loc="upper right", ncols=2, bbox_to_anchor=(0.99, 0.99))
 
 
 def draw_bracket(rows: pd.DataFrame) -> Figure:
     """Errors of the theoretical poses and of the estimates over the error of the bracket."""
+    tables = sorted(set(table_of(rows)))
+    tall = 2.1
     figure = new_figure(
-        "What does the bracket do to the theoretical values?\nPairs of tables 6.4 and 6.5",
-        4.6,
-        "Distance from the exact pose, medians; bands hold the middle half of the answers of "
-        "status ok. Once the bracket is off by more, the theoretical pose is no measure of the "
-        "estimate.",
+        "What does the bracket do to the theoretical values?\n"
+        "Distance from the exact pose, of the theoretical one and of the estimates",
+        1.75 + (tall + 0.35) * len(tables),
+        "Medians; bands hold the middle half of the answers of status ok, whose number stands "
+        "beside where some trials have none. Where the theoretical pose is farther off than an "
+        "estimate, it is no measure of it.",
     )
-    panels = (("deg", "rotation", "Rotation error (°)"), ("mm", "translation", "Translation (mm)"))
-    for c, (unit, kind, label) in enumerate(panels):
-        ax = add_axes(figure, 0.75 + 4.2 * c, 0.95, 3.7, 2.75)
-        theoretical = rows.groupby("value")[f"theoretical_{unit}"].median()
-        times = theoretical.index.to_numpy(dtype=float)
-        ax.plot(times, theoretical, color=INK, ls="--", marker="^", ms=5, label="theoretical")
-        answered = rows[rows["status"] == "ok"]
-        for method, group in answered.groupby("method", sort=False):
-            column = group.groupby("value")[f"{kind}_error_{unit}"]
-            quartiles = column.quantile(QUARTILES).unstack()
-            colour, at = METHODS[str(method)], quartiles.index.to_numpy(dtype=float)
-            ax.fill_between(at, quartiles[0.25], quartiles[0.75], color=colour, alpha=0.15, lw=0)
-            ax.plot(at, quartiles[0.5], color=colour, marker=MARKERS[str(method)], ms=4,
-                    label=str(method))  # fmt: skip
-        ax.set_yscale("log")
-        ax.yaxis.set_major_formatter("{x:g}")
-        ax.set(xlabel="bracket error, times that of the desk's config", title=label)
-        if c == 0:
-            ax.set_ylabel("distance from the exact pose")
-            ax.legend(loc="lower right")
+    panels = (("deg", "rotation", "rotation (°)"), ("mm", "translation", "translation (mm)"))
+    for r, table in enumerate(tables):
+        of_table = rows[table_of(rows) == table]
+        for c, (unit, kind, label) in enumerate(panels):
+            bottom = 0.95 + (tall + 0.35) * (len(tables) - 1 - r)
+            ax = add_axes(figure, 0.75 + 4.2 * c, bottom, 3.6, tall)
+            _draw_brackets(ax, of_table, f"theoretical_{unit}", f"{kind}_error_{unit}")
+            ax.set_title(f"Table {table}, {label}")
+            if r == len(tables) - 1:
+                ax.set_xlabel("bracket error, times that of the desk's config")
+            else:
+                ax.tick_params(labelbottom=False)
+            if r == c == 0:
+                ax.legend(loc="lower right")
     return figure
+
+
+def _draw_brackets(ax: Axes, rows: pd.DataFrame, theoretical: str, error: str) -> None:
+    exact = rows.groupby("value")[theoretical].median()
+    ax.plot(exact.index.to_numpy(dtype=float), exact, color=INK, ls="--", marker="^", ms=5,
+            label="theoretical")  # fmt: skip
+    for method, group in rows.groupby("method", sort=False):
+        answered = group[group["status"] == "ok"]
+        if answered.empty:
+            continue
+        column = answered.groupby("value")[error]
+        quartiles = column.quantile(QUARTILES).unstack()
+        colour, at = METHODS[str(method)], quartiles.index.to_numpy(dtype=float)
+        ax.fill_between(at, quartiles[0.25], quartiles[0.75], color=colour, alpha=0.15, lw=0)
+        ax.plot(at, quartiles[0.5], color=colour, marker=MARKERS[str(method)], ms=4,
+                label=str(method))  # fmt: skip
+        for times in at:
+            asked = group[group["value"] == times]
+            count = int((asked["status"] == "ok").sum())
+            if count < len(asked):
+                ax.annotate(f"{count} of {len(asked)}", (times, quartiles.loc[times, 0.5]), (-8, 6),
+                            textcoords="offset points", fontsize=7.5)  # fmt: skip
+    ax.set_yscale("log")
+    ax.yaxis.set_major_formatter("{x:g}")

@@ -19,7 +19,7 @@ from harness.variants import median_interval, variant_tables
 from registration.scan import FloatArray
 
 # Shares of overlap; the low end belongs to its range.
-EDGES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.01)
+EDGES = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.01)
 ENOUGH = 0.5  # success rate from which an overlap is called enough
 ON_TOP = ("gauss_sphere", "gauss_sphere, ICP on top")
 RESAMPLED = 2000
@@ -199,8 +199,8 @@ def overlap_table(rows: pd.DataFrame) -> Table:
         "How much overlap is needed",
         "Two views turned against each other about the vertical, which look past each other. "
         "Overlap: the smaller of the two views' exact shares of points that the other sees. "
-        f"Right: of status ok, within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm, "
-        "with Wilson's 95 % interval.",
+        f"Right: of status ok, within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} "
+        "mm, with Wilson's 95 % interval.",
         pd.DataFrame(records),
         {"Trials": "d", "Answered, but wrong": "d"},
         note=_overlap_conclusion(rows),
@@ -244,7 +244,7 @@ def _overlap_conclusion(rows: pd.DataFrame) -> str:
 def bracket_table(rows: pd.DataFrame) -> Table:
     """Errors of the theoretical poses and of the estimates, against the error of the bracket."""
     records = []
-    for (pair, method, times), group in rows.assign(table=_table_of(rows)).groupby(
+    for (pair, method, times), group in rows.assign(table=table_of(rows)).groupby(
         ["table", "method", "value"], sort=False
     ):
         answered = group[group["status"] == "ok"]
@@ -270,14 +270,14 @@ def bracket_table(rows: pd.DataFrame) -> Table:
     )
 
 
-def _table_of(rows: pd.DataFrame) -> pd.Series:
+def table_of(rows: pd.DataFrame) -> pd.Series:
     """The table of the thesis that a pair of the bracket's question is of."""
     return rows["pair"].str.partition(",")[0]
 
 
 def _bracket_conclusion(rows: pd.DataFrame) -> str:
     nearer, grown = [], []
-    answered = rows[rows["status"] == "ok"].assign(table=_table_of(rows))
+    answered = rows[rows["status"] == "ok"].assign(table=table_of(rows))
     for (method, pair), group in answered.groupby(["method", "table"], sort=False):
         medians = group.groupby("value")[["theoretical_mm", "translation_error_mm"]].median()
         better = medians["theoretical_mm"] > medians["translation_error_mm"]
