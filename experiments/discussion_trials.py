@@ -13,8 +13,9 @@ from pydantic import Field
 from experiments.icp_on_top import ROUNDS
 from harness.config import overridden_mapping, validated
 from harness.config_errors import ConfigError
-from harness.schema import AimedView, Angle, Experiment, Length, Strict
+from harness.schema import AimedView, Angle, Experiment, Length
 from harness.session import open_session
+from harness.strict import Strict
 from harness.trials import Trial
 
 KIND = "discussion"
@@ -202,8 +203,11 @@ def _free(views: dict[str, Any], pairs: dict[str, Any]) -> dict[str, Any]:
 def _aimed(file: Path) -> AimedView:
     """The view of a config that the others hang on."""
     experiment = open_session(file, None).experiment
-    assert isinstance(experiment, Experiment)
-    return next(view for view in experiment.views.values() if isinstance(view, AimedView))
+    views = experiment.views.values() if isinstance(experiment, Experiment) else ()
+    for view in views:
+        if isinstance(view, AimedView):
+            return view
+    raise ConfigError(file, ("views",), "has no view with aim_mm, from which others are made")
 
 
 def _trials(

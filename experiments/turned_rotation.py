@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.execution import scan_view
+from harness.schema import AimedView
 from harness.scoring import exact_pose
 from harness.trials import Trial, TrialSpec
 from registration.gauss_sphere.params import GaussSphereParams
@@ -34,7 +35,9 @@ class Turning:
 
 def middle_mm(spec: TrialSpec) -> FloatArray:
     """(3,) what the views of a trial look at, in the target's frame."""
-    world_mm = np.asarray(spec.target.aim.aim_mm, dtype=np.float64)
+    aim = spec.target.aim
+    assert isinstance(aim, AimedView)  # discussion_trials lets no others in
+    world_mm = np.asarray(aim.aim_mm, dtype=np.float64)
     middle: FloatArray = spec.path(spec.target).T_world_view.inv().apply(world_mm)
     return middle
 

@@ -184,3 +184,6 @@ def test_a_wrong_key_is_told_in_one_line(config: Path, capsys: pytest.CaptureFix
     assert "overlap.repeats" in capsys.readouterr().err
     assert main([str(config), "--set", "desk=nowhere.yaml"]) == 2
     assert "nowhere.yaml" in capsys.readouterr().err
+    shutil.copy(CONFIGS / "precision.yaml", config.parent)
+    assert main([str(config), "--set", "desk=precision.yaml"]) == 2
+    assert "precision.yaml" in capsys.readouterr().err
