@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from experiments.discussion import run_discussion
+from experiments.discussion import check_rows, rehearse_discussion, run_discussion
 from experiments.discussion_trials import KIND as DISCUSSION
 from experiments.precision import rehearse_precision, run_precision
 from experiments.profile_pairs import KIND, check_kept, rehearse_profiles, run_profiles
@@ -26,7 +26,11 @@ RUNS: dict[str, Run] = {
 }
 
 Rehearsal = Callable[[Path, Path | None, Sequence[str], int | None], list[str]]
-REHEARSALS: dict[str, Rehearsal] = {"precision": rehearse_precision, KIND: rehearse_profiles}
+REHEARSALS: dict[str, Rehearsal] = {
+    "precision": rehearse_precision,
+    KIND: rehearse_profiles,
+    DISCUSSION: rehearse_discussion,
+}
 
 
 def rehearse(
@@ -42,6 +46,9 @@ def check_reportable(
     kind: str, config: Path, folder: Path | None, overrides: Sequence[str], seed: int | None
 ) -> None:
     """Raise ConfigError where there are no rows from which tables could be built again."""
+    if kind == DISCUSSION:
+        check_rows(config, folder, overrides, seed)
+        return
     if kind != KIND:
         message = (
             f"{config} keeps no scans to report on, only its tables and figures: without "

@@ -219,6 +219,7 @@ def _run_at_once(options: argparse.Namespace) -> int:
     from experiments.at_once import RUNS, check_reportable, rehearse, show_run
     from harness.config import experiment_kind
     from harness.config_errors import ConfigError
+    from harness.store import StoreError
 
     for name in ("trial", "show_scene", "register"):
         if getattr(options, name):
@@ -229,9 +230,15 @@ def _run_at_once(options: argparse.Namespace) -> int:
     if options.dry_run:
         rehearse(kind, *request)
         return EXIT_OK
-    if options.report_only:
-        check_reportable(kind, *request)
-    show_run(RUNS[kind], *request)
+    try:
+        if options.report_only:
+            check_reportable(kind, *request)
+        show_run(RUNS[kind], *request)
+    except StoreError as error:
+        return _refuse(error)
+    except KeyboardInterrupt:
+        print("\nInterrupted. The same command goes on with what is kept.", file=sys.stderr)
+        return EXIT_INTERRUPTED
     return EXIT_OK
 
 

@@ -16,13 +16,18 @@ from experiments.discussion_trials import Asked, DiscussionExperiment, load_disc
 from experiments.terminal import make_console, reporting
 from experiments.turned_rotation import Turning, middle_mm, turn
 from harness.config import dump_yaml
+from harness.config_errors import ConfigError
 from harness.pool import MakeExecutor, process_pool
 from harness.provenance import code_fingerprint, run_facts
 from harness.runner import Task, run
 from harness.scoring import pose_error
-from harness.store import Store, load
+from harness.store import FILE_NAME, Store, load
 from harness.table_files import Table, write_tables
 from harness.trials import TrialSpec
+
+
+class TrialError(RuntimeError):
+    """Trials that ended with an exception; the message holds the first one's traceback."""
 
 
 def run_discussion(
@@ -31,7 +36,7 @@ def run_discussion(
     """Perform what is missing, write rows, tables and figures; returns the tables and the folder.
 
     Raises ConfigError before anything is written. Rows are kept one by one: a run that was cut off
-    goes on where it stopped.
+    goes on where it stopped. Raises TrialError in the end where trials ended with an error.
     """
     from experiments.discussion_figures import draw_discussion
     from experiments.discussion_tables import discussion_tables
@@ -48,7 +53,56 @@ def run_discussion(
     tables = discussion_tables(experiment, rows, turned)
     write_tables(tables, folder / "tables")
     draw_discussion(experiment, rows, turned, folder / "figures")
+    errors = rows[rows["status"] == "error"]
+    if len(errors):
+        first = errors.iloc[0]
+        raise TrialError(f"{len(errors)} trials failed, {first['id']} first:\n{first['traceback']}")
     return tables, folder
+
+
+def rehearse_discussion(
+    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+) -> list[str]:
+    """What a run would do, in lines; writes nothing. Raises ConfigError."""
+    experiment, asked = load_discussion(path, overrides, seed)
+    folder = folder or Path("results") / path.stem
+    missing = len(_missing(_performed(asked), folder))
+    number = len(_performed(asked))
+    return [
+        f"{experiment.title}: {number} trials, {missing} of them to compute, at some 0.2 s each on "
+        "one core; rotations are turned and figures drawn in half a minute",
+        f"Would be written to {folder}",
+    ]
+
+
+def check_rows(
+    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+) -> None:
+    """Raise ConfigError where a folder lacks rows of this very config and code."""
+    asked = load_discussion(path, overrides, seed)[1]
+    folder = folder or Path("results") / path.stem
+    missing = len(_missing(_performed(asked), folder))
+    if missing:
+        message = f"{folder} lacks {missing} rows of this config and code; run it without first"
+        raise ConfigError("--report-only", (), message)
+
+
+def _performed(asked: Sequence[Asked]) -> list[Asked]:
+    """Those that are performed as trials: all but those whose rotation is turned."""
+    return [a for a in asked if a.question != "turned"]
+
+
+def _code(asked: Sequence[Asked]) -> str:
+    return code_fingerprint({a.trial.spec.method.name for a in asked})
+
+
+def _missing(asked: Sequence[Asked], folder: Path) -> set[str]:
+    """Ids of the trials without a row of this code; makes no store where there is none."""
+    ids = {a.trial.id for a in asked}
+    if not (folder / FILE_NAME).exists():
+        return ids
+    with Store(folder) as store:
+        return ids - store.finished(_code(asked))
 
 
 def perform_asked(
@@ -60,9 +114,9 @@ def perform_asked(
     theoretical_deg and theoretical_mm, how far the encoders' pose is off; middle_x_mm to
     middle_z_mm, by how much the estimate misses the middle of the scene, in the target's frame.
     """
-    whole = [a for a in asked if a.question != "turned"]
+    whole = _performed(asked)
     trials = [a.trial for a in whole]
-    code = code_fingerprint({trial.spec.method.name for trial in trials})
+    code = _code(whole)
     with Store(folder) as store:
         done = store.finished(code)
         missing = {t.id: t for t in trials if t.id not in done}

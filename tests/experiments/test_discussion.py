@@ -54,6 +54,9 @@ def test_the_command_answers_every_question_and_takes_its_rows_again(
     options = [str(config), "--out", str(tmp_path)]
     for change in SMALL:
         options += ["--set", change]
+    assert main([*options, "--report-only"]) == 2
+    assert "lacks" in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
     assert main(options) == 0
     shown = capsys.readouterr().out
     tables = {path.stem: pd.read_csv(path) for path in (tmp_path / "tables").glob("*.csv")}
@@ -85,7 +88,9 @@ def test_the_command_answers_every_question_and_takes_its_rows_again(
     assert (tmp_path / "run.json").exists()
     facts = (tmp_path / "run.json").read_text()
 
-    assert main(options) == 0
+    assert main([*options, "--dry-run"]) == 0
+    assert " 0 of them to compute" in capsys.readouterr().out
+    assert main([*options, "--report-only"]) == 0
     # What is noted when rows are computed is untouched: none was.
     assert (tmp_path / "run.json").read_text() == facts
     for name, table in tables.items():
