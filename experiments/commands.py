@@ -61,6 +61,7 @@ def run_all(session: Session, workers: int | None, redraw: bool, show: Show | No
             f"reused, {workers} workers",
             markup=False,
         )
+        tell_left_out(console, session)
         tell_beyond_reach(console, session)
         try:
             with reporting(console, len(planned.tasks)) as reporter:
@@ -111,6 +112,7 @@ def dry_run(session: Session, workers: int | None) -> int:
     for trial in session.trials[:REHEARSED]:
         console.print(f"  {trial.id}  {trial_name(trial)}", markup=False, soft_wrap=True)
     console.print("  ..." if len(session.trials) > REHEARSED else "", markup=False)
+    tell_left_out(console, session)
     tell_beyond_reach(console, session)
     from harness.execution import perform
 
@@ -203,6 +205,12 @@ def find_trial(session: Session, identity: str) -> Trial:
     raise ConfigError(
         "--trial", (), f"{identity!r} {problem}; it begins with {session.trials[0].id}"
     )
+
+
+def tell_left_out(console: Console, session: Session) -> None:
+    """One line for each optional method that cannot run here."""
+    for line in session.left_out:
+        console.print(line, markup=False, soft_wrap=True)
 
 
 def tell_beyond_reach(console: Console, session: Session) -> None:

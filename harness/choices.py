@@ -163,6 +163,30 @@ def _calibration_file(calibration: str, file: Path, key: Key) -> str:
     raise ConfigError(file, key, message)
 
 
+def installed_methods(
+    choices: Sequence[MethodChoice], file: Path
+) -> tuple[tuple[MethodChoice, ...], tuple[str, ...]]:
+    """The methods that can run, and of the optional ones that cannot, why; raises ConfigError.
+
+    Nothing is left out where nothing would be left.
+    """
+    kept, reasons = [], []
+    for index, choice in enumerate(choices):
+        if choice.optional and choice.name in PEERS:
+            params = checked_params(
+                PEERS[choice.name].params_type, choice.params, file, ("methods", index, "params")
+            )
+            try:
+                check_installed(choice.name, params)
+            except MissingPeerError as error:
+                reasons.append(f"{choice.label or choice.name} is left out: {error}")
+                continue
+        kept.append(choice)
+    if not kept:
+        return tuple(choices), ()
+    return tuple(kept), tuple(reasons)
+
+
 def _presets(params_type: type) -> list[str]:
     """Names of the public class methods of a params type: each makes one set of parameters."""
     return [

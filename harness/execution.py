@@ -156,9 +156,16 @@ def full_spec(trial: Trial) -> TrialSpec:
     """The spec of a trial; the pair of a random one is drawn, for every method the same."""
     spec = trial.spec
     if isinstance(spec, RandomSpec):
-        key = spec.pair_key() + spec.sensor.text
-        pair = _pairs.get(key, lambda: drawn_spec(spec, lambda drawn: common(drawn).shares))
-        return dataclasses.replace(pair, method=spec.method)
+        pair = _pairs.get(
+            spec.pair_key(), lambda: drawn_spec(spec, lambda drawn: common(drawn).shares)
+        )
+        return dataclasses.replace(
+            pair,
+            sensor=spec.sensor,
+            profiles=spec.profiles,
+            step_mm=spec.step_mm,
+            method=spec.method,
+        )
     if not isinstance(spec, TrialSpec):
         raise TypeError(f"{type(spec).__name__} is no spec of a trial")
     return spec

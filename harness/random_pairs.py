@@ -6,13 +6,14 @@ import dataclasses
 import functools
 import hashlib
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harness.choices import (
+    LATER,
     Chosen,
     canonical_json,
     chosen,
@@ -66,9 +67,18 @@ class PairRules:
 
 
 @dataclass(frozen=True)
+class DrawnFor:
+    """So many profiles of a view, one every step_mm."""
+
+    profiles: int
+    step_mm: float
+
+
+@dataclass(frozen=True)
 class RandomSpec:
     """Everything that determines a trial on a random pair; `repeat` is the number of the pair.
 
+    drawn_for: the scan for which the pair is drawn where that is not the trial's own.
     The pair itself is drawn where the trial runs: see drawn_spec.
     """
 
@@ -80,6 +90,7 @@ class RandomSpec:
     repeat: int
     seed: int
     given: str = ""
+    drawn_for: DrawnFor | None = field(default=None, metadata=LATER)
 
     @functools.cached_property
     def id(self) -> str:
@@ -97,10 +108,15 @@ class RandomSpec:
         scan = self.profiles, self.step_mm, self.repeat, self.seed
         return self.rules.text, self.sensor.text, scan
 
+    @property
+    def line(self) -> DrawnFor:
+        """The profiles for which the pair is drawn."""
+        return self.drawn_for or DrawnFor(self.profiles, self.step_mm)
+
     def pair_key(self) -> str:
         """All that determines the pair: not the method, nor the noise of the sensor."""
-        sensor = self.sensor.noiseless
-        parts = [self.rules, sensor, self.profiles, self.step_mm, self.repeat, self.seed]
+        sensor, line = self.sensor.noiseless, self.line
+        parts = [self.rules, sensor, line.profiles, line.step_mm, self.repeat, self.seed]
         return list_json(parts)
 
 
@@ -121,11 +137,13 @@ def build_random_trials(
         name: (_rules(experiment, family, ("families", name), file, kept), family.pairs)
         for name, family in experiment.families.items()
     }
+    line = experiment.drawn_for
+    drawn_for = None if line is None else DrawnFor(line.profiles, line.step_mm)
     return tuple(
         Trial(
             RandomSpec(
                 rules, sensor, experiment.scan.profiles, experiment.scan.step_mm, method, number,
-                experiment.seed,
+                experiment.seed, drawn_for=drawn_for,
             ),
             f"{name} {number}",
             choice.label or choice.name,
@@ -140,9 +158,11 @@ def build_random_trials(
 def drawn_spec(spec: RandomSpec, shares: Callable[[TrialSpec], tuple[float, float]]) -> TrialSpec:
     """Draw the pair of a spec; the same spec gives the same pair, whatever the method or noise.
 
+    Its profiles are those for which it is drawn.
+
     shares: exact shares of either view's points that the other sees. Raises NoPairError.
     """
-    rules = spec.rules
+    rules, line = spec.rules, spec.line
     digest = hashlib.sha256(spec.pair_key().encode()).digest()
     rng = np.random.default_rng(np.random.SeedSequence(int.from_bytes(digest)))
     sensor: Sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
@@ -156,7 +176,7 @@ def drawn_spec(spec: RandomSpec, shares: Callable[[TrialSpec], tuple[float, floa
     for _ in range(MOST_DRAWS):
         target, source = _draw_views(rules, rng)
         pair = TrialSpec(
-            scene, spec.sensor, spec.profiles, spec.step_mm, target, source, spec.method,
+            scene, spec.sensor, line.profiles, line.step_mm, target, source, spec.method,
             "", spec.repeat, spec.seed,
         )  # fmt: skip
         rough = min(_rough_shares(sensor, built, pair.path(target), pair.path(source)))

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from harness.schema import Angle, Choice, Length, MethodChoice, ScanSize, Vector
 from harness.strict import Strict
+from harness.study_schema import Study
 from harness.sweep_schema import Sweep
 
 KIND = "random_pairs"
@@ -50,6 +51,9 @@ class RandomPairsExperiment(Strict):
     overlap: ends of ranges of overlap, the smaller of the two views' shares of points that the
         other sees; pairs take turns between the ranges, so that each has as many, and are drawn
         again until they lie in theirs.
+    drawn_for: the scan by which pairs are drawn and their overlap is judged, `scan` when not given.
+        Where `scan` is swept it keeps the pairs the same.
+    study: the question that the sweep or the methods answer, and how it is drawn.
     sweep: variants of all this; every trial is then done for each of its points.
     """
 
@@ -58,6 +62,7 @@ class RandomPairsExperiment(Strict):
     description: str = ""
     sensor: Choice
     scan: ScanSize
+    drawn_for: ScanSize | None = None
     families: dict[str, Family] = Field(min_length=1)
     heading_within_deg: Spread = 10.0
     yaw_within_deg: Spread = 40.0
@@ -66,10 +71,13 @@ class RandomPairsExperiment(Strict):
     overlap: Annotated[tuple[Share, ...], Field(min_length=2)] = (0.2, 1.0)
     methods: tuple[MethodChoice, ...] = Field(min_length=1)
     seed: int = Field(default=0, ge=0)
+    study: Study | None = None
     sweep: Sweep | None = None
 
     @model_validator(mode="after")
     def _in_order(self) -> RandomPairsExperiment:
         if any(low >= high for low, high in pairwise(self.overlap)):
             raise ValueError("overlap should hold shares in rising order, the least first")
+        if self.study is not None:
+            self.study.check(self.sweep)
         return self

@@ -34,12 +34,14 @@ class MethodChoice(Choice):
         stages, tabulated beside the full pipeline: exact segments, exact patches, exact patches
         cut to what both views see, or the exact rotation with the patches that were found.
     figures: whether to draw repeat 0 of each pair and write its clouds.
+    optional: whether the run goes on without the method where its library is not installed.
     """
 
     preset: str | None = None
     label: str | None = None
     given: tuple[Truth, ...] = ()
     figures: bool = True
+    optional: bool = False
 
 
 class ScanSize(Strict):

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from harness.card import card_table
+from harness.choices import installed_methods
 from harness.config import dump_yaml, load_experiment, overridden_mapping
 from harness.face_gaps import FaceGaps
 from harness.pool import MakeExecutor
@@ -40,6 +41,7 @@ class Session:
     """A checked experiment, its trials, the folder of its results and the code that computes it.
 
     trials: those of every point where there is a sweep. base: those of the experiment without it.
+    left_out: why optional methods do not run, a line each.
     """
 
     file: Path
@@ -48,6 +50,7 @@ class Session:
     folder: Path
     code: str
     base: tuple[Trial, ...]
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,17 +72,22 @@ def open_session(
 ) -> Session:
     """Read and check everything; writes nothing. Raises ConfigError."""
     experiment = load_experiment(file, overrides, seed)
+    methods, left_out = installed_methods(experiment.methods, file)
+    experiment = experiment.model_copy(update={"methods": methods})
     if isinstance(experiment, RandomPairsExperiment):
         trials = base = build_random_trials(experiment, file)
     else:
         trials = base = build_trials(experiment, file)
     if experiment.sweep is not None:
         data = overridden_mapping(file, overrides, seed)
+        if left_out:
+            data["methods"] = [m.model_dump(mode="json", exclude_none=True) for m in methods]
         trials = build_swept_trials(data, experiment.sweep, with_defaults(experiment, base), file)
-    methods = [trial.spec.method for trial in trials]
-    read = {getattr(method.params, "calibration", "") for method in methods}
-    code = code_fingerprint({method.name for method in methods}, read - {""})
-    return Session(file, experiment, trials, folder or Path("results") / file.stem, code, base)
+    used = [trial.spec.method for trial in trials]
+    read = {getattr(method.params, "calibration", "") for method in used}
+    code = code_fingerprint({method.name for method in used}, read - {""})
+    folder = folder or Path("results") / file.stem
+    return Session(file, experiment, trials, folder, code, base, left_out)
 
 
 def plan(session: Session, store: Store, redraw: bool = False) -> Plan:

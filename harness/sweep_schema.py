@@ -125,15 +125,31 @@ class Sweep(Strict):
         values each as likely as the others: latin_hypercube; sobol, the scrambled Sobol' sequence;
         saltelli, samples x (keys + 2) points for Sobol' indices, samples x (2 keys + 2) with
         second_order; morris, samples trajectories of keys + 1 points on a grid of `levels`.
+    along: by a key of `over`, other keys that take its value at every point, for one quantity that
+        a configuration holds in several places.
     seed: of the design; that of the trials is the experiment's.
     """
 
     design: Design = "product"
     over: dict[str, Values] = Field(min_length=1)
+    along: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     samples: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     levels: int = Field(default=4, ge=2, le=100)
     second_order: bool = False
     seed: int = Field(default=0, ge=0, lt=2**32)
+
+    @model_validator(mode="after")
+    def _goes_along(self) -> Sweep:
+        taken = list(self.over)
+        for key, others in self.along.items():
+            if key not in self.over:
+                known = ", ".join(self.over)
+                raise ValueError(f"`along` names {key}, which is not swept; `over` has {known}")
+            for other in others:
+                if other in taken:
+                    raise ValueError(f"{other} is swept twice, once `along` with {key}")
+                taken.append(other)
+        return self
 
     @model_validator(mode="after")
     def _fits_the_design(self) -> Sweep:

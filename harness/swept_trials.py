@@ -34,8 +34,11 @@ def build_swept_trials(
     if count > MOST_POINTS:
         raise ConfigError(file, ("sweep",), f"makes {count} points; expected {MOST_POINTS} at most")
     base = {name: value for name, value in data.items() if name != "sweep"}
-    paths = {key: _path(base, key, file) for key in sweep.over}
-    unchanged = {key: shown_value(looked_up(defaults, paths[key])) for key in sweep.over}
+    paths = {
+        key: [_path(base, each, file) for each in (key, *sweep.along.get(key, ()))]
+        for key in sweep.over
+    }
+    unchanged = {key: shown_value(looked_up(defaults, paths[key][0])) for key in sweep.over}
     builder = _Builder(file)
     trials: list[Trial] = []
     try:
@@ -46,7 +49,8 @@ def build_swept_trials(
         changed = base
         try:
             for key, value in point.values.items():
-                changed = replaced(changed, paths[key], value)
+                for path in paths[key]:
+                    changed = replaced(changed, path, value)
         except (IndexError, TypeError, ValueError):
             message = f"{key} points nowhere once the keys before it are set"
             raise _at(point, file, message) from None
