@@ -33,7 +33,7 @@ def build_swept_trials(
     count = point_count(sweep)
     if count > MOST_POINTS:
         raise ConfigError(file, ("sweep",), f"makes {count} points; expected {MOST_POINTS} at most")
-    base = {name: value for name, value in data.items() if name != "sweep"}
+    base = {name: value for name, value in data.items() if name not in ("sweep", "study")}
     paths = {
         key: [_path(base, each, file) for each in (key, *sweep.along.get(key, ()))]
         for key in sweep.over
@@ -74,7 +74,7 @@ def _path(data: dict[str, Any], key: str, file: Path) -> Key:
         return ConfigError(file, ("sweep", "over", key), message)
 
     path = key_path(data, key, problem)
-    if path[0] in ("sweep", "title", "description", "experiment"):
+    if path[0] in ("sweep", "study", "title", "description", "experiment"):
         raise problem(f"{path[0]!r} cannot be swept")
     return path
 
