@@ -19,7 +19,7 @@ from experiments.profile_figures import telling_pair
 from experiments.profile_pairs import register_profiles
 from harness.execution import perform
 from harness.figures_page import Style, save
-from harness.pool import MakeExecutor
+from harness.pool import MakeExecutor, shutting_down
 from harness.provenance import code_fingerprint
 from harness.table_files import Table
 from harness.trials import Trial
@@ -52,7 +52,7 @@ def draw_chapters(
         return figure_table(kept)
     for old in (folder / LIST, *folder.glob("figure_*.png")):
         old.unlink(missing_ok=True)
-    with make_executor() as executor:
+    with shutting_down(make_executor()) as executor:
         jobs = []
         for part, trials in shown:
             if part.rows is not None and "profile" in part.rows:

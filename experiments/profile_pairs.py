@@ -18,7 +18,7 @@ from scipy.spatial.transform import RigidTransform
 from harness.config import check_names, dump_yaml, overridden_mapping, validated
 from harness.config_errors import ConfigError
 from harness.execution import scan_view
-from harness.pool import MakeExecutor
+from harness.pool import MakeExecutor, shutting_down
 from harness.provenance import code_fingerprint, run_facts
 from harness.schema import Experiment
 from harness.scoring import pose_error, six_parameters
@@ -165,7 +165,7 @@ def measure(trials: Sequence[Trial], make_executor: MakeExecutor | None = None) 
     """
     if make_executor is None:
         return pd.concat([_measure(trial) for trial in trials], ignore_index=True)
-    with make_executor() as executor:
+    with shutting_down(make_executor()) as executor:
         return pd.concat(list(executor.map(_measure, trials)), ignore_index=True)
 
 

@@ -22,6 +22,7 @@ from experiments.profile_pairs import (
 )
 from experiments.profile_tables import profile_tables
 from harness.config_errors import ConfigError
+from harness.pool import process_pool
 from harness.scoring import six_parameters
 from harness.trials import TrialSpec
 from registration import Scan
@@ -62,9 +63,9 @@ def test_the_elevations_are_equal_steps_along_the_vertical(exact_rows: pd.DataFr
     assert heights[0] == pytest.approx(115.0 - 0.5 * 43 * 5.0)
 
 
-def test_rows_are_the_same_in_every_run() -> None:
-    _, trials = load_profiles(CONFIG, ["scan.profiles=5", "repeats=1"])
-    first, second = (measure(trials).drop(columns="ms") for _ in range(2))
+def test_rows_are_the_same_in_every_run_and_by_any_number_of_processes() -> None:
+    _, trials = load_profiles(CONFIG, ["scan.profiles=5", "repeats=2"])
+    first, second = (measure(trials, how).drop(columns="ms") for how in (None, process_pool(2)))
     pd.testing.assert_frame_equal(first, second)
 
 
