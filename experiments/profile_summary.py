@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.medians import median_interval
+from experiments.profile_losses import loss_table
 from experiments.profile_pairs import MOTION, mean_motion, middle
 from experiments.profile_tables import (
     NAMES,
@@ -28,7 +29,7 @@ from sensors.arm import ArmPath
 def profile_summary(
     experiment: Experiment, trials: Sequence[Trial], rows: pd.DataFrame
 ) -> list[Table]:
-    """One table: exact, by encoders, the thesis's and each method's mean of the pairs in the plane.
+    """Two tables: exact, by encoders, the thesis's and each method's mean; what is left out.
 
     rows: as profile_pairs.measure gives them.
     """
@@ -58,7 +59,10 @@ def profile_summary(
         frame.insert(0, "Pair", name)
         frames.append(frame)
     repeats = int(rows["repeat"].nunique())
-    return [
+    first = trials[0]
+    of_first = (rows["pair"] == first.pair) & (rows["method"] == first.label)
+    losses = loss_table(first, rows[of_first & (rows["repeat"] == first.spec.repeat)])
+    mean = [
         Table(
             "section_6.2",
             "Section 6.2, the mean over pairs of profiles",
@@ -69,6 +73,7 @@ def profile_summary(
             in_full=True,
         )
     ]
+    return mean if losses is None else [*mean, losses]
 
 
 def profile_seconds(rows: pd.DataFrame) -> list[dict[str, Any]]:

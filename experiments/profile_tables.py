@@ -121,7 +121,7 @@ def outcome_table(name: str, rows: pd.DataFrame) -> Table:
                 "Method": method,
                 "Status": "outlier" if reason == far else group["status"].iloc[0],
                 "Pairs": len(group),
-                "Profiles": _ranges(group["profile"].tolist()),
+                "Profiles": ranges(group["profile"].tolist()),
                 "Elevation (mm)": f"{heights.min():.0f} to {heights.max():.0f}",
                 "Reason (of the first)": reason,
             }
@@ -159,7 +159,7 @@ def _used(rows: pd.DataFrame) -> pd.Series[bool]:
     return _answered(rows) & ~rows["outlier"]
 
 
-def _ranges(numbers: list[int]) -> str:
+def ranges(numbers: list[int]) -> str:
     """Sorted whole numbers with runs written as first-last."""
     parts: list[list[int]] = []
     for number in numbers:

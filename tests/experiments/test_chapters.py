@@ -100,6 +100,9 @@ def test_the_calibration_of_the_run_is_used_and_every_part_is_told(out: Path) ->
     assert set(table(out, "compaction")["Part"]) == {"foam", "desk_virtual", "desk"}
     assert len(table(out, "seconds")) == 2 + 3 + 2 * 2 + 2 * 3
     assert table(out, "section_6.2")["Thesis, theoretical"].tolist()[1:] == [-58.4, -458.2, 383.2]
+    left_out = table(out, "section_6.2_left_out")
+    assert left_out["Pairs"].sum() == 4
+    assert (left_out["Left out of the mean"] <= left_out["Pairs"]).all()
     assert (out / "tables" / "sensor_card.md").exists()
 
 

@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 from experiments.cli import main
 from experiments.profile_figures import telling_pair
+from experiments.profile_losses import kind_of, loss_table
 from experiments.profile_pairs import (
     MOTION,
     kept_rows,
@@ -26,6 +29,7 @@ from harness.pool import process_pool
 from harness.scoring import six_parameters
 from harness.trials import TrialSpec
 from registration import Scan
+from registration.methods import find_method
 from sensors.arm import ArmPath
 
 CONFIG = Path(__file__).parents[2] / "configs" / "foam_2d.yaml"
@@ -219,3 +223,32 @@ def test_kept_rows_are_those_that_were_measured(tmp_path: Path) -> None:
     )
     other = load_profiles(CONFIG, [*overrides, "seed=1"])
     assert kept_rows(*other, tmp_path) is None
+
+
+def test_a_pair_that_the_search_cannot_find_is_told_from_one_that_shares_little() -> None:
+    (trial,) = load_profiles(CONFIG, ["repeats=1", "methods=[{name: planar, preset: thesis}]"])[1]
+    rows = measure([trial])
+    losses = loss_table(trial, rows)
+    assert losses is not None
+    frame = losses.frame
+    assert frame["Pairs"].sum() == 44
+    lost = rows["rotation_x_deg"].isna() | rows["outlier"]
+    assert frame["Left out of the mean"].sum() == lost.sum() > 0
+    # What both views share in full, and see the middle of, is never left out here.
+    assert frame["Left out of the mean"].tolist()[2] == 0
+    assert frame["Pairs"].tolist()[2] > 10
+
+
+def test_a_profile_beside_itself_is_neither_far_nor_little() -> None:
+    (trial,) = load_profiles(CONFIG, ["repeats=1", "methods=[{name: planar, preset: thesis}]"])[1]
+    method, params = find_method("planar").function, trial.spec.method.params
+    for pair in list(register_profiles(trial))[::10]:
+        twice = dataclasses.replace(
+            pair,
+            source=pair.target,
+            exact=RigidTransform.identity(),
+            result=method(pair.target, pair.target, params),
+        )
+        assert kind_of(twice, params) == "neither"
+        away = RigidTransform.from_translation([0.0, 40.0, 90.0])
+        assert kind_of(dataclasses.replace(twice, exact=away), params) == "far"
