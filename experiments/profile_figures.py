@@ -10,10 +10,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from experiments import planar_figures as planar
+from experiments.profile_means import mean_motion
 from experiments.profile_pairs import (
     ProfilePair,
     ProfilesExperiment,
-    mean_motion,
     register_profiles,
 )
 from harness.figures_page import (

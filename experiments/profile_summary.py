@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.medians import median_interval
 from experiments.profile_losses import loss_table
-from experiments.profile_pairs import MOTION, mean_motion, middle
+from experiments.profile_means import MOTION, mean_motion, middle
 from experiments.profile_tables import (
     NAMES,
     THESIS_KEPT,

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.profile_pairs import CUTOFF, MOTION, ProfilesExperiment, mean_motion, middle
+from experiments.profile_means import CUTOFF, MOTION, mean_motion, middle
+from experiments.profile_pairs import ProfilesExperiment
 from harness.pair_view import file_slug
 from harness.schema import Experiment, Pair, PrintedPose
 from harness.table_files import Table

@@ -11,15 +11,12 @@ from scipy.spatial.transform import RigidTransform
 from experiments.cli import main
 from experiments.profile_figures import telling_pair
 from experiments.profile_losses import kind_of, loss_table
+from experiments.profile_means import MOTION, mean_motion, middle, outliers
 from experiments.profile_pairs import (
-    MOTION,
     kept_rows,
     load_profiles,
-    mean_motion,
     measure,
-    middle,
     one_profile,
-    outliers,
     register_profiles,
     run_profiles,
 )
