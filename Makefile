@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.set-up
 
-.PHONY: setup desk thesis test lint fuzz clean
+.PHONY: setup desk thesis test lint docs fuzz clean
 
 setup: $(STAMP)
 
@@ -37,5 +37,10 @@ test: lint
 fuzz: setup
 	$(BIN)/python benchmarks/fuzz_threedx.py
 
+# The documentation as a site that is read from disk: site/index.html.
+docs: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	$(BIN)/mkdocs build --strict --quiet --no-directory-urls
+
 clean:
-	rm -rf .venv results/*/ .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv site results/*/ .pytest_cache .mypy_cache .ruff_cache

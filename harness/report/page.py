@@ -29,7 +29,7 @@ from harness.table_files import Table
 
 ASSETS = Path(__file__).parent / "assets"
 FILE_NAME = "report.html"
-SCRIPTS = ("tables.js", "data.js", "traces.js", "panels.js", "pair.js")
+SCRIPTS = ("tables.js", "data.js", "traces.js", "panels.js", "pair.js", "studies.js")
 COLOURS = {"target": TARGET, "source": SOURCE, "ink": INK, "palette": NORMAL_COLOURS}
 LARGEST_BYTES = 15_000_000
 # No script, style, picture or request from anywhere but this file, whatever a text in it says.
@@ -45,7 +45,7 @@ class Part:
 
     name: unique in the page, starts the ids of its elements. answer: sentence first, then a table.
     tables: beside the answer's. failures: markup. config, facts: texts of config.yaml and run.json.
-    command: what made it.
+    command: what made it. study: what a sweep found, as studies.study gives it.
     """
 
     name: str
@@ -60,6 +60,7 @@ class Part:
     config: str = ""
     facts: str = ""
     command: str = ""
+    study: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -90,9 +91,14 @@ def page_markup(title: str, parts: Sequence[Part], shown: Shown) -> str:
 
     Pictures get what the rest leaves of LARGEST_BYTES; they are made smaller to fit.
     """
-    viewer, data = viewer_markup(shown), _data(shown)
+    viewer, data = viewer_markup(shown), [*_data(shown), *_studies(parts)]
     files = [file for part in parts for file in part.figures]
-    rest = sum(len(part.failures) for part in parts) + sum(map(len, data)) + len(_plotly())
+    drawn = bool(shown.records) or any(part.study is not None for part in parts)
+    rest = (
+        sum(len(part.failures) for part in parts)
+        + sum(map(len, data))
+        + (len(_plotly()) if drawn else 0)
+    )
     tables = _table_files(parts)
     rest += len(tables) + 200_000 * len(parts)
     pictures = iter(load_pictures(files, int(0.74 * max(LARGEST_BYTES - rest, 0))))
@@ -119,7 +125,7 @@ def page_markup(title: str, parts: Sequence[Part], shown: Shown) -> str:
         + "\n".join(bodies)
         + "\n</main>\n"
         + "\n".join([embedded_json(COLOURS, "colours"), tables, *data])
-        + (f"\n{embedded_bytes(_plotly(), 'plotly')}" if shown.records else "")
+        + (f"\n{embedded_bytes(_plotly(), 'plotly')}" if drawn else "")
         + f"\n{scripts}\n</body></html>\n"
     )
 
@@ -136,6 +142,8 @@ def _part(part: Part, figures: str, alone: bool, viewer: str) -> str:
     pieces.append(section(f"{prefix}answer", "The answer" if lead else "What it is", lead, level))
     if viewer:
         pieces.append(section("pair", "A pair in 3D", viewer, level))
+    if part.study is not None:
+        pieces.append(section(f"{prefix}study", "Study", _study_markup(part), level))
     if part.failures:
         pieces.append(section(f"{prefix}failures", "Failures", part.failures, level))
     if part.tables:
@@ -164,6 +172,7 @@ def _links(parts: Sequence[Part], viewer: bool) -> str:
         (part,) = parts
         sections = (
             ("answer", "Answer", True),
+            ("study", "Study", part.study),
             ("failures", "Failures", part.failures),
             ("tables", "Tables", part.tables),
             ("figures", "Figures", part.figures),
@@ -231,6 +240,21 @@ def _plotly() -> str:
 
     data = gzip.compress(get_plotlyjs().encode("utf-8"), compresslevel=4, mtime=0)
     return base64.b64encode(data).decode("ascii")
+
+
+def _study_markup(part: Part) -> str:
+    template = (ASSETS / "studies.html").read_text(encoding="utf-8")
+    return template.replace("<!--study-->", escaped(f"study-{part.name}"))
+
+
+def _studies(parts: Sequence[Part]) -> list[str]:
+    return [
+        embedded_bytes(
+            base64.b64encode(compressed(part.study)).decode("ascii"), f"data-study-{part.name}"
+        )
+        for part in parts
+        if part.study is not None
+    ]
 
 
 def _text(text: str) -> str:

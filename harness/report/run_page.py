@@ -19,10 +19,12 @@ from harness.report.packing import write_whole
 from harness.report.page import FILE_NAME, Part, Shown, page_markup
 from harness.report.pair_record import FOLDER
 from harness.report.records import provided
+from harness.report.studies import study
 from harness.session import Session
 from harness.store import load
 from harness.table_files import Table
 
+ERRORS = ("rotation_error_deg", "translation_error_mm")
 SENSOR_TABLES = ("sensor_card", "geometry_fits", "arm")
 
 
@@ -46,8 +48,14 @@ def run_part(
     session: Session, tables: Sequence[Table], make_executor: MakeExecutor, prefix: str = ""
 ) -> tuple[Part, Shown]:
     """What a page says of one run, and what it shows of it in 3D."""
-    rows = load(session.folder)
-    labels = {m.label or m.name for m in session.experiment.methods if m.figures}
+    sweep = session.experiment.sweep
+    rows = load(session.folder, arrays=False)
+    # Of a sweep nothing is drawn: its pairs are too many.
+    labels = (
+        set()
+        if sweep is not None
+        else {m.label or m.name for m in session.experiment.methods if m.figures}
+    )
     folder = session.folder / FOLDER
     by_id = {trial.id: trial for trial in session.trials}
     records = provided(offered(rows, labels), by_id, rows, folder, make_executor)
@@ -67,6 +75,7 @@ def run_part(
         config=_text(session.folder / "config.yaml"),
         facts=_text(session.folder / "run.json"),
         command=" ".join(command),
+        study=None if sweep is None else study(rows, sweep.design),
     )
     folders = dict.fromkeys(records, folder)
     main = main_label(session.experiment)
@@ -91,7 +100,8 @@ def plain_part(folder: Path, title: str, description: str, tables: Sequence[Tabl
 
 def _listed(rows: pd.DataFrame, command: Sequence[str]) -> list[dict[str, Any]]:
     """Every trial of the whole method for the list that is searched, the worst first."""
-    whole = rows[rows["given"] == ""]
+    names = ["id", "pair", "method", "repeat", "status", *ERRORS]
+    whole = rows.loc[rows["given"] == "", names]
     bad = worst_first(whole)
     good = whole.drop(bad.index).sort_values("translation_error_mm", ascending=False, kind="stable")
     return [

@@ -222,6 +222,38 @@ def test_tables_are_sorted_and_copied(results: Path, browser: webdriver.Chrome) 
 
 
 @needs_browser
+def test_a_study_leads_from_its_points_to_their_trials(
+    results: Path, browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    config = tmp_path / "study.yaml"
+    sweep = "sweep: {over: {scan.step_mm: [4, 5], scan.profiles: [36, 40]}}\n"
+    text = CONFIG.replace("repeats: 2", "repeats: 1") + sweep
+    config.write_text(text, encoding="utf-8")
+    out = tmp_path / "out"
+    assert main([str(config), "--out", str(out), "--workers", "2"]) == 0
+    opened(browser, out / "report.html")
+    browser.execute_script("document.getElementById('study').scrollIntoView()")
+    until(browser, "document.querySelector('form.study').dataset.ready", "the study is drawn")
+    plot = "document.querySelector('form.study .plot')"
+    assert browser.execute_script(f"return {plot}.data.length") == 3  # methods
+    for name, value in (("and", "1"), ("method", "thesis")):
+        browser.execute_script(
+            f"const s = document.querySelector('form.study').elements['{name}'];"
+            f"s.value = '{value}'; s.dispatchEvent(new Event('change'))"
+        )
+    until(browser, f"{plot}.data[0].type === 'heatmap'", "a map over two keys")
+    browser.execute_script(
+        f"{plot}.emit('plotly_click', {{points: [{{curveNumber: 0, pointNumber: [1, 0]}}]}})"
+    )
+    shown = browser.find_element(By.CSS_SELECTOR, "form.study .behind tbody").text
+    rows = load(out)
+    chosen = (rows["sweep.scan.step_mm"] == 4) & (rows["sweep.scan.profiles"] == 40)
+    (identity,) = rows.loc[chosen & (rows["method"] == "thesis"), "id"]
+    assert shown.startswith(identity)
+    assert complaints(browser) == []
+
+
+@needs_browser
 @pytest.mark.parametrize("width", [1400, 400])
 def test_nothing_is_cut_off(
     results: Path, browser: webdriver.Chrome, width: int, tmp_path_factory: pytest.TempPathFactory

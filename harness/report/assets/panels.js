@@ -122,24 +122,24 @@ window.panels = (function () {
     const rows = trials.filter((t) => !sought || [t.id, t.pair, t.method, t.status].some((v) => v.toLowerCase().includes(sought)));
     const SHOWN = 12;
     $("found-text").textContent = `${rows.length} of ${trials.length} trials, the worst first` + (rows.length > SHOWN ? `; ${SHOWN} are shown.` : ".");
-    body.replaceChildren(...rows.slice(0, SHOWN).map((trial) => {
-      const row = document.createElement("tr");
-      const number = (value, digits) => (value === null ? "" : value.toFixed(digits));
-      const cells = [trial.id, trial.pair, trial.method, String(trial.repeat), trial.status, number(trial.deg, 3), number(trial.mm, 2)];
-      cells.forEach((text, i) => { const cell = row.insertCell(); cell.textContent = text; if (i === 3 || i > 4) cell.className = "n"; });
-      const last = row.insertCell(), command = document.createElement("button");
-      Object.assign(command, { type: "button", textContent: "Copy command" });
-      command.dataset.copy = trial.command;
-      command.title = trial.command;
-      last.append(command);
-      if (document.getElementById("data-trial-" + trial.id)) {
-        const shown = document.createElement("button");
-        Object.assign(shown, { type: "button", textContent: "Show in 3D" });
-        shown.dataset.show = trial.id;
-        last.append(" ", shown);
-      }
-      return row;
-    }));
+    body.replaceChildren(...rows.slice(0, SHOWN).map(row));
+  }
+  function row(trial) {
+    const line = document.createElement("tr");
+    const number = (value, digits) => (value === null ? "" : value.toFixed(digits));
+    const cells = [trial.id, trial.pair, trial.method, String(trial.repeat), trial.status, number(trial.deg, 3), number(trial.mm, 2)];
+    cells.forEach((text, i) => { const cell = line.insertCell(); cell.textContent = text; if (i === 3 || i > 4) cell.className = "n"; });
+    const last = line.insertCell(), command = document.createElement("button");
+    Object.assign(command, { type: "button", textContent: "Copy command", title: trial.command });
+    command.dataset.copy = trial.command;
+    last.append(command);
+    if (document.getElementById("data-trial-" + trial.id)) {
+      const shown = document.createElement("button");
+      Object.assign(shown, { type: "button", textContent: "Show in 3D" });
+      shown.dataset.show = trial.id;
+      last.append(" ", shown);
+    }
+    return line;
   }
   if ($("sought")) {
     $("sought").addEventListener("input", list);
@@ -147,5 +147,5 @@ window.panels = (function () {
     $("near").addEventListener("change", () => now && shifts());
     list();
   }
-  return { show(record) { now = record; spheres(); shifts(); } };
+  return { row, show(record) { now = record; spheres(); shifts(); } };
 })();

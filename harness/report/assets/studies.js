@@ -1,0 +1,132 @@
+"use strict";
+// Studies: curves along one swept key, maps over two; a click on a point lists its trials.
+(function () {
+  const { load, plotly } = window.report;
+  const { ink } = window.traces.colours();
+  // Okabe and Ito, those that are dark enough for a line on white.
+  const palette = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#555555"];
+  const config = { responsive: true, displaylogo: false };
+  const EVERY = "(all)";
+
+  async function begin(form) {
+    const study = await load(form.dataset.study);
+    const trials = new Map((await load("trials")).map((trial) => [trial.id, trial]));
+    await plotly();
+    const get = (name) => form.elements[name];
+    const plot = form.querySelector(".plot"), text = form.querySelector(".study-text");
+    const quantities = [
+      ["coarse", `share within ${study.tolerances.coarse}`], ["fine", `share within ${study.tolerances.fine}`],
+      ["deg", "median rotation error (deg)"], ["mm", "median translation error (mm)"], ["ms", "median time (ms)"],
+    ].filter(([name]) => study.points.some((point) => point[name]));
+    fill(get("quantity"), quantities);
+    fill(get("along"), study.keys.map((key, i) => [i, key]));
+    fill(get("method"), [[EVERY, "all, as curves"], ...study.methods.map((method) => [method, method])]);
+    let clicks = [];
+
+    function fill(select, items) {
+      select.replaceChildren(...items.map(([value, label]) => new Option(label, value)));
+    }
+    function others() {
+      const along = Number(get("along").value), before = get("and").value;
+      const rest = study.keys.map((key, i) => [i, key]).filter(([i]) => i !== along);
+      fill(get("and"), [["", "nothing"], ...rest]);
+      get("and").value = rest.some(([i]) => String(i) === before) ? before : "";
+    }
+    const shares = () => ["coarse", "fine"].includes(get("quantity").value);
+    const label = () => quantities.find(([name]) => name === get("quantity").value)[1];
+    function chosen() { // of a study one at a time, the points of this key and the one all hang on
+      const along = Number(get("along").value), method = get("method").value;
+      return study.points.filter((point) => (method === EVERY || point.method === method)
+        && (study.design !== "one_at_a_time" || point.varied === "" || point.varied === study.keys[along]));
+    }
+    function sorted(values) {
+      return [...new Set(values)].sort((a, b) => (typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en", { numeric: true })));
+    }
+    function draw() {
+      const along = Number(get("along").value), and = get("and").value === "" ? null : Number(get("and").value);
+      const map = and !== null && get("method").value !== EVERY && study.design === "product";
+      const points = chosen();
+      const axis = (title) => ({ title: { text: title }, gridcolor: "#e3e7ea", zeroline: false, automargin: true });
+      const layout = { margin: { l: 60, r: 20, t: 15, b: 70 }, font: { color: ink, size: 12 }, hovermode: "closest",
+        xaxis: axis(study.full[along]), yaxis: axis(label()), legend: { orientation: "h", y: -0.22 } };
+      const numbers = points.every((point) => typeof point.values[along] === "number");
+      const distinct = sorted(points.map((point) => point.values[along]));
+      if (!numbers) Object.assign(layout.xaxis, { type: "category", categoryorder: "array", categoryarray: distinct });
+      else if (distinct[0] > 0 && distinct[distinct.length - 1] / distinct[0] > 30) layout.xaxis.type = "log";
+      if (shares()) layout.yaxis = { ...layout.yaxis, range: [-0.03, 1.03], tickformat: ".0%" };
+      const data = map ? heat(points, along, and, layout) : curves(points, along, and);
+      window.Plotly.react(plot, data, layout, config);
+      text.textContent = map
+        ? "Mean over whatever else was varied. Choose a cell to see the trials behind it."
+        : `${shares() ? "Bars: Wilson's 95 % interval." : "Bars: quartiles."} ${study.design} design; choose a point to see the trials behind it.`;
+    }
+    function curves(points, along, and) {
+      const quantity = get("quantity").value, groups = new Map();
+      const drawnFrom = !["product", "zip", "one_at_a_time"].includes(study.design);
+      for (const point of points) {
+        if (!point[quantity]) continue;
+        const name = and === null ? point.method : `${point.method}, ${study.keys[and]} ${point.values[and]}`;
+        const key = drawnFrom ? point.method : name;
+        groups.set(key, [...(groups.get(key) || []), point]);
+      }
+      clicks = [];
+      const symbols = ["circle", "square", "diamond", "triangle-up", "cross", "x", "star", "pentagon"];
+      return [...groups].map(([name, group], place) => {
+        const order = drawnFrom || and === null && study.keys.length > 1 && study.design === "product" ? group
+          : sorted(group.map((point) => point.values[along])).flatMap((v) => group.filter((point) => point.values[along] === v));
+        clicks.push(order);
+        const lines = order !== group;
+        const value = order.map((point) => point[quantity]);
+        return {
+          type: "scatter", mode: lines ? "lines+markers" : "markers", name,
+          x: order.map((point) => point.values[along]), y: value.map((v) => v[0]),
+          error_y: { type: "data", symmetric: false, thickness: 1, width: 3, array: value.map((v) => v[2] - v[0]), arrayminus: value.map((v) => v[0] - v[1]) },
+          marker: { size: 8, symbol: symbols[place % symbols.length], color: palette[place % palette.length] },
+          line: { color: palette[place % palette.length], width: 2 },
+          text: order.map((point) => `${name}<br>${study.keys.map((key, i) => `${key} ${point.values[i]}`).join("<br>")}<br>${point.n} trials`.replace(/&/g, "&amp;")),
+          hovertemplate: "%{text}<br>%{y:.3g}<extra></extra>",
+        };
+      });
+    }
+    function heat(points, along, and, layout) {
+      const quantity = get("quantity").value;
+      const columns = sorted(points.map((point) => point.values[along])), lines = sorted(points.map((point) => point.values[and]));
+      const cells = lines.map((v) => columns.map((u) => points.filter((point) => point.values[along] === u && point.values[and] === v)));
+      clicks = cells;
+      Object.assign(layout, { yaxis: { title: { text: study.full[and] }, type: "category", automargin: true },
+        xaxis: { title: { text: study.full[along] }, type: "category", automargin: true } });
+      const mean = (found) => {
+        const known = found.filter((point) => point[quantity]).map((point) => point[quantity][0]);
+        return known.length ? known.reduce((a, b) => a + b, 0) / known.length : null;
+      };
+      return [{ type: "heatmap", x: columns.map(String), y: lines.map(String), z: cells.map((row) => row.map(mean)),
+        colorscale: "Viridis", ...(shares() ? { zmin: 0, zmax: 1 } : {}), texttemplate: shares() ? "%{z:.0%}" : "%{z:.3g}",
+        colorbar: { title: { text: label().replace(" within ", "<br>within "), side: "top" } }, hovertemplate: "%{x}, %{y}: %{z:.3g}<extra></extra>" }];
+    }
+    function behind(points) {
+      const ids = points.flatMap((point) => point.ids);
+      const body = form.querySelector(".behind").tBodies[0];
+      const SHOWN = 60;
+      form.querySelector(".behind").hidden = false;
+      body.replaceChildren(...ids.slice(0, SHOWN).filter((id) => trials.has(id)).map((id) => window.panels.row(trials.get(id))));
+      text.textContent = `${ids.length} trials behind ${points.map((point) => `${point.method}, ${study.keys.map((key, i) => `${key} ${point.values[i]}`).join(", ")}`)[0]}` + (ids.length > SHOWN ? `; the first ${SHOWN} are listed.` : ".");
+    }
+    for (const name of ["quantity", "and", "method"]) get(name).addEventListener("change", draw);
+    get("along").addEventListener("change", () => { others(); draw(); });
+    others();
+    draw();
+    plot.on("plotly_click", (event) => {
+      const { curveNumber, pointNumber } = event.points[0];
+      behind(Array.isArray(pointNumber) ? clicks[pointNumber[0]][pointNumber[1]] : [clicks[curveNumber][pointNumber]]);
+    });
+    form.dataset.ready = "yes";
+  }
+  for (const form of document.querySelectorAll("form.study")) {
+    const watch = new IntersectionObserver((entries) => {
+      if (!entries.some((entry) => entry.isIntersecting)) return;
+      watch.disconnect();
+      begin(form);
+    }, { rootMargin: "200px" });
+    watch.observe(form);
+  }
+})();
