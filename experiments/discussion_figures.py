@@ -104,7 +104,7 @@ def draw_variants(rows: pd.DataFrame, title: str, labels: Sequence[str]) -> Figu
         entries.append(("entered with the true rotation", entered))
     tall = 0.42 * len(labels) + 0.35
     figure = new_figure(
-        f"{title}\nMethod thesis on the pairs of the tables",
+        f"{title}\nOn the pairs of tables 6.1, 6.4 and 6.5",
         1.05 + (tall + 0.85) * len(entries),
         "Left: share of the trials that are right, within "
         f"{COARSE.rotation_deg:g}° and {COARSE.translation_mm:g} mm, with Wilson's 95 % interval. "
