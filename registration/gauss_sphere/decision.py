@@ -52,7 +52,7 @@ def judge(
             f"scenes may; {params.sure_planes} planes or {params.large_support:.0%} are needed",
             candidates=candidates,
         )
-    covariance, open_directions, reason = uncertainty(best, target, params)
+    covariance, open_directions, reason = uncertainty(best, best.sure, target, params)
     if open_directions.shape[0]:
         return RegistrationResult(
             candidates[0].T_target_source,
@@ -106,7 +106,7 @@ def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams)
         return False
     if agreeing_planes(best, target, params) < params.sure_planes:
         return True
-    return not bool(uncertainty(pose, target, params)[1].size)
+    return not bool(uncertainty(pose, pose.information, target, params)[1].size)
 
 
 def transform(pose: Settled) -> RigidTransform:
@@ -117,9 +117,11 @@ def transform(pose: Settled) -> RigidTransform:
 
 
 def uncertainty(
-    pose: Settled, target: View, params: DecisionParams
+    pose: Settled, known: FloatArray, target: View, params: DecisionParams
 ) -> tuple[FloatArray | None, FloatArray, str]:
-    """Covariance, open directions (k, 6) and their description, from the information of a pose.
+    """Covariance, open directions (k, 6) and their description, of a pose known as well as that.
+
+    known: (6, 6) its information.
 
     Directions are judged about the middle of the matched surface, where turns and shifts are
     nearly independent, in units of params.open_rad and params.open_mm; covariance and directions
@@ -132,14 +134,11 @@ def uncertainty(
     about_centre[3:, :3] = -_cross(centre)
     back = np.linalg.inv(about_centre)
     scale = np.array([params.open_rad] * 3 + [params.open_mm] * 3)
-    information = back.T @ pose.information @ back
+    information = back.T @ known @ back
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     loose = values < 1.0
     if not loose.any():
-        spread = np.linalg.inv(pose.information)
-        freedom = 3 * pose.distance2.size - 6
-        if freedom > 0:
-            spread = spread * max(1.0, float(np.minimum(pose.distance2, 25.0).sum()) / freedom)
+        spread = np.linalg.inv(known)
         return 0.5 * (spread + spread.T), np.zeros((0, 6)), ""
     directions = (back @ (vectors[:, loose] * scale[:, None])).T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)

@@ -9,13 +9,14 @@ import numpy as np
 from registration.gauss_sphere.params import (
     GaussSphereParams,
 )
-from registration.gauss_sphere.patches import Patches
+from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.refine import (
     ROUGHLY,
     Likelihood,
     likelihood,
     maximise,
     maximise_consistently,
+    widened,
 )
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
@@ -33,7 +34,8 @@ class Settled(NamedTuple):
     """A pose, the planes it matches, and what the scans say of it.
 
     rotation (3, 3), shift_mm (3,): p_target = R p_source + t.
-    information: (6, 6) of a perturbation (rad, mm) on the left, about the target's origin.
+    information: (6, 6) of a perturbation (rad, mm) on the left, about the target's origin, by the
+        planes that agree; sure: (6, 6) the same with all their disagreement taken into account.
     floor_mm: systematic error of a plane's offset under which the matched planes agree.
     pairs: (m, 2) target and source patch; distance2: (m,) their squared Mahalanobis distances.
     areas: (4,) mm^2 of support, contradiction, hidden, outside.
@@ -43,6 +45,7 @@ class Settled(NamedTuple):
     rotation: FloatArray
     shift_mm: FloatArray
     information: FloatArray
+    sure: FloatArray
     floor_mm: float
     pairs: IntArray
     distance2: FloatArray
@@ -76,6 +79,7 @@ class Matches(NamedTuple):
     rotation: FloatArray
     shift_mm: FloatArray
     information: FloatArray
+    sure: FloatArray
     floor_mm: FloatArray
     n_pairs: IntArray
     pairs: IntArray
@@ -110,12 +114,15 @@ def settle_best(
         decision.distinct_mm,
         middle(source.patches),
     )
+    floors_mm = np.asarray(params.refine.floors_mm)
+    if params.calibration:
+        floors_mm = np.unique(np.maximum(floors_mm, params.refine.calibrated_floor_mm))
     found, kept = _settle_best(
         target,
         source,
         comparison(verification),
         likelihood(params.refine),
-        np.asarray(params.refine.floors_mm),
+        floors_mm,
         effort,
         rotations,
         shifts_mm,
@@ -129,6 +136,7 @@ def settle_best(
                 found.rotation[c],
                 found.shift_mm[c],
                 found.information[c],
+                found.sure[c],
                 float(found.floor_mm[c]),
                 found.pairs[c, :n],
                 found.distance2[c, :n],
@@ -137,17 +145,6 @@ def settle_best(
             )
         )
     return settled
-
-
-@compiled
-def middle(patches: Patches) -> FloatArray:
-    """(3,) centre in mm of the surface that a view saw, in its own frame."""
-    centre, total = np.zeros(3), 0.0
-    for i in range(patches.area_mm2.size):
-        total += patches.area_mm2[i]
-        for u in range(3):
-            centre[u] += patches.area_mm2[i] * patches.centroid_mm[i, u]
-    return centre / total
 
 
 @compiled
@@ -191,6 +188,7 @@ def _settle_best(
     found = Matches(
         np.empty((capacity, 3, 3)),
         np.empty((capacity, 3)),
+        np.zeros((capacity, 6, 6)),
         np.zeros((capacity, 6, 6)),
         np.empty(capacity),
         np.empty(capacity, np.int64),
@@ -286,6 +284,10 @@ def _finish(
     found.floor_mm[c] = maximise_consistently(
         target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely, floors, r, t,
         found.information[c], found.distance2[c],
+    )  # fmt: skip
+    widened(
+        target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely,
+        found.floor_mm[c], r, t, found.sure[c],
     )  # fmt: skip
     compare_both(target, source, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
     found.score[c] = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]

@@ -146,3 +146,14 @@ def _beam_area(fan: Fan) -> float:
     rows, columns = fan.depth_mm.shape
     beams = max((rows - 1) * (columns - 1), 1)
     return float(abs((high - low) * (fan.x_mm[-1] - fan.x_mm[0])) / beams)
+
+
+@compiled
+def middle(patches: Patches) -> FloatArray:
+    """(3,) centre in mm of the surface that a view saw, in its own frame."""
+    centre, total = np.zeros(3), 0.0
+    for i in range(patches.area_mm2.size):
+        total += patches.area_mm2[i]
+        for u in range(3):
+            centre[u] += patches.area_mm2[i] * patches.centroid_mm[i, u]
+    return centre / total

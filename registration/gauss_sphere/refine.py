@@ -17,6 +17,7 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 ROUGHLY, EXACTLY = 1e-3, 1e-6  # gain in log likelihood at which a maximum is reached
+WIDENING_STEPS = 16
 
 
 class Likelihood(NamedTuple):
@@ -27,6 +28,8 @@ class Likelihood(NamedTuple):
     lever_mm: float
     consistent_distance2: float
     consistent_share: float
+    capped_distance2: float
+    widest_mm: float
 
 
 def likelihood(params: RefineParams) -> Likelihood:
@@ -37,6 +40,8 @@ def likelihood(params: RefineParams) -> Likelihood:
         params.floor_lever_mm,
         params.consistent_distance2,
         params.consistent_share,
+        params.capped_distance2,
+        params.widest_mm,
     )
 
 
@@ -81,6 +86,42 @@ def maximise_consistently(
     t[:] = poses_t[used]
     maximise(target, source, pairs, likely, floors_mm[used], r, t, information, distance2, EXACTLY)
     return float(floors_mm[used])
+
+
+@compiled
+def widened(
+    target: Patches,
+    source: Patches,
+    pairs: IntArray,
+    likely: Likelihood,
+    floor_mm: float,
+    r: FloatArray,
+    t: FloatArray,
+    information: FloatArray,
+) -> None:
+    """The information under the least systematic error that explains the planes' disagreement.
+
+    Maximising sharpens on the planes that agree; how sure the pose is must be told by all: their
+    squared distances sum to the degrees of freedom, at most, or the error of every plane is larger.
+
+    information: (6, 6) out, for a floor of floor_mm or more.
+    """
+    gradient, distance2 = np.empty(6), np.empty(pairs.shape[0])
+    freedom = max(3 * pairs.shape[0] - 6, 1)
+    low, high = floor_mm, max(likely.widest_mm, floor_mm)
+    floor = low
+    for step in range(WIDENING_STEPS):
+        _accumulate(target, source, pairs, likely, floor, r, t, information, gradient, distance2)
+        total = 0.0
+        for d2 in distance2:
+            total += min(d2, likely.capped_distance2)
+        if total > freedom:
+            low = floor
+        elif step == 0:
+            break
+        else:
+            high = floor
+        floor = np.sqrt(low * high)
 
 
 @compiled
