@@ -6,11 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
+
 from experiments.chapter_summary import PartResult
 from experiments.chapters import PAIRS, ChaptersExperiment, PartRun
 from harness.pool import MakeExecutor
-from harness.report.page import Shown
+from harness.report.answer import OURS, scores
+from harness.report.page import Part, Shown
 from harness.report.run_page import plain_part, run_part, write_page
+from harness.scoring import COARSE, wilson_interval
 from harness.table_files import Table
 
 
@@ -34,4 +38,40 @@ def write_chapters_page(
             checked = run.check()
             part = plain_part(run.folder, checked.title, checked.description, result.tables)
         parts.append(part)
+    parts[0] = replace(parts[0], sentence=_sentence(results), answer=_answer(parts))
     return write_page(folder, experiment.title, parts, shown)
+
+
+def _sentence(results: Sequence[PartResult]) -> str:
+    """How often the project's own method was right over all parts that register whole scans."""
+    found = [
+        score
+        for result in results
+        if result.rows is not None and "given" in result.rows
+        for score in scores(result.rows)
+        if score.label == OURS
+    ]
+    if not found:
+        return ""
+    right, trials = sum(score.right for score in found), sum(score.trials for score in found)
+    low, high = wilson_interval(right, trials)
+    return (
+        f"Over {len(found)} parts, {OURS} registered {right} of {trials} trials within "
+        f"{COARSE.rotation_deg:g}° and {COARSE.translation_mm:g} mm (95 % interval {low:.0%} to "
+        f"{high:.0%}); the table says what every part found, and what the thesis printed."
+    )
+
+
+def _answer(parts: Sequence[Part]) -> Table | None:
+    """The answers of the parts, one below the other."""
+    answers = [(part.name, part.answer) for part in parts if part.answer is not None]
+    if not answers:
+        return None
+    frames = []
+    for name, answer in answers:
+        frame = answer.frame.copy()
+        frame.insert(0, "Part", name)
+        frames.append(frame)
+    return replace(
+        answers[0][1], title="Part by part", frame=pd.concat(frames, ignore_index=True), note=""
+    )

@@ -17,6 +17,7 @@ from harness.report.markup import escaped, table_markup
 from harness.report.offered import worst_first
 from harness.report.records import still_path
 from harness.scoring import COARSE
+from harness.sweep_tables import PREFIX, short_names, swept_keys
 from harness.table_files import Table
 
 Command = Sequence[str]  # "run-experiment configs/desk.yaml ...", word by word
@@ -31,11 +32,14 @@ def failures_table(rows: pd.DataFrame) -> Table:
     """Every trial of the whole method without a success, the worst first."""
     bad = worst_first(rows[rows["given"] == ""])
     mended = _mended(rows, bad)
+    keys = swept_keys(rows)
+    names = short_names(keys)
     records = [
         {
             "Trial": row["id"],
             "Pair": row["pair"],
             "Method": row["method"],
+            **{names[key]: row[PREFIX + key] for key in keys},
             "Repeat": row["repeat"],
             "Status": row["status"],
             "Rotation error (deg)": row["rotation_error_deg"],

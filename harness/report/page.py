@@ -139,7 +139,9 @@ def _part(part: Part, figures: str, alone: bool, viewer: str) -> str:
         lead += table_markup(part.answer, f"{prefix}answer-table")
     if part.description:
         lead += f'<p class="about">{escaped(part.description)}</p>'
-    pieces.append(section(f"{prefix}answer", "The answer" if lead else "What it is", lead, level))
+    if lead:
+        heading = "The answer" if part.sentence or part.answer is not None else "What it is"
+        pieces.append(section(f"{prefix}answer", heading, lead, level))
     if viewer:
         pieces.append(section("pair", "A pair in 3D", viewer, level))
     if part.study is not None:
@@ -171,7 +173,7 @@ def _links(parts: Sequence[Part], viewer: bool) -> str:
     else:
         (part,) = parts
         sections = (
-            ("answer", "Answer", True),
+            ("answer", "Answer", part.sentence or part.answer is not None),
             ("study", "Study", part.study),
             ("failures", "Failures", part.failures),
             ("tables", "Tables", part.tables),
@@ -181,7 +183,8 @@ def _links(parts: Sequence[Part], viewer: bool) -> str:
         )
         names = [(name, text) for name, text, there in sections if there]
     if viewer:
-        names.insert(1 if len(parts) == 1 else 0, ("pair", "In 3D"))
+        after_answer = len(parts) == 1 and names[0][0] == "answer"
+        names.insert(int(after_answer), ("pair", "In 3D"))
     return " ".join(f'<a href="#{escaped(name)}">{escaped(text)}</a>' for name, text in names)
 
 

@@ -88,7 +88,7 @@ def picture_markup(picture: Picture, identity: str = "") -> str:
 def _caption(stem: str) -> str:
     numbered = re.match(r"figure_(\d+)[._](\d+)", stem)
     if numbered:
-        return f"Figure {numbered[1]}.{numbered[2]} of the thesis, as measured here."
+        return f"Figure {numbered[1]}.{int(numbered[2])} of the thesis, as measured here."
     found = OF_A_PAIR.match(stem)
     kind = found["kind"] if found else stem.rpartition("_")[2]
     if kind not in SUBJECTS:

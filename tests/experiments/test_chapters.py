@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from experiments.chapters import load_chapters
 from experiments.cli import main
 from experiments.draw_chapters import draw_numbered, figure_table, shown_trials
 from experiments.medians import median_interval, rate
+from harness.report.page import LARGEST_BYTES
 from harness.schema import Experiment
 from harness.store import load
 
@@ -240,3 +242,15 @@ def test_a_median_s_interval_is_of_order_statistics() -> None:
     assert np.isnan(median_interval(np.array([1.0, 2.0]))[1])
     assert median_interval(np.zeros(0)).text(".2f") == "none"
     assert rate(50, 50) == "50/50 [93%, 100%]"
+
+
+def test_all_parts_are_on_one_page(out: Path) -> None:
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert len(page) < LARGEST_BYTES
+    ids = re.findall(r'<[a-z]+ [^>]*?\bid="([^"]+)"', page)
+    assert len(set(ids)) == len(ids)
+    assert {"all-parts", "precision", "foam_2d", "foam", "desk_virtual", "desk"} <= set(ids)
+    assert page.index("Part by part") < page.index('<section id="pair"')
+    assert re.search(r"Over \d parts, gauss_sphere registered \d+ of \d+ trials", page)
+    for file in (out / "figures").glob("*.png"):
+        assert file.name in page

@@ -7,6 +7,7 @@ import gzip
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -199,3 +200,35 @@ def test_pictures_are_made_smaller_until_they_fit(tmp_path: Path) -> None:
     assert size(whole) == whole
     assert size(whole // 2) < whole // 2
     assert size(whole // 20) < size(whole // 2)
+
+
+class Anchors(HTMLParser):
+    """Collects the ids of a page and what its links point at."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.links: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name == "id" and value is not None:
+                self.ids.append(value)
+            if name == "href" and value is not None:
+                self.links.append(value)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("answered", [True, False])
+def test_ids_are_unique_and_every_link_leads_somewhere(count: int, answered: bool) -> None:
+    table = Table("t", "Title", "Caption.", pd.DataFrame({"n": [1]}), {"n": "d"})
+    parts = [
+        Part(f"part{k}", f"Part {k}", sentence="It works." if answered else "", tables=[table],
+             sensor=[replace(table, name="card")], failures="<p>None.</p>")
+        for k in range(count)
+    ]  # fmt: skip
+    anchors = Anchors()
+    anchors.feed(page_markup("Title", parts, Shown()))
+    assert len(set(anchors.ids)) == len(anchors.ids)
+    assert anchors.links
+    assert {link.removeprefix("#") for link in anchors.links} <= set(anchors.ids)
