@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from experiments.cli import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK
+from experiments.progress import Tally, duration, reporting
 from experiments.terminal import (
     make_console,
     outcome,
-    reporting,
     show_paths,
     show_tables,
     trial_name,
 )
+from harness.cluster import cluster_pool
 from harness.config_errors import ConfigError, nearest
+from harness.export import export_rows
 from harness.pool import process_pool
-from harness.runner import Done
 from harness.schema import Experiment
 from harness.scoring import six_parameters
 from harness.session import Session, draw_whole, execute, open_session, plan, report
@@ -34,72 +37,101 @@ from sensors import SENSORS
 
 Show = Callable[[list[Table]], object]
 REHEARSED = 3  # trials that a dry run times
+# Of a file system that is full, over quota, for reading only, or not ours.
+DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG)
 LITTLE_OVERLAP = 0.1  # where a failure is put down to it
 
 
-def run_all(session: Session, workers: int | None, redraw: bool, show: Show | None = None) -> int:
+def run_all(
+    session: Session,
+    workers: int | None,
+    redraw: bool,
+    show: Show | None = None,
+    scheduler: str | None = None,
+) -> int:
     """Compute what is missing, then write and show tables; returns the exit status.
 
     show: what is done with the tables in place of printing them and the paths of all files.
+    scheduler: address of a Dask scheduler whose workers compute, in place of processes here.
     """
     console = make_console()
-    workers = workers or available_cores()
+    workers = min(workers or available_cores(), len(session.trials))
     if redraw and not (session.folder / FILE_NAME).exists():
         raise StoreError(f"{session.folder / FILE_NAME} does not exist; run the experiment first")
-    make_executor = process_pool(min(workers, len(session.trials)))
+    make_local = process_pool(workers)
     start = time.perf_counter()
-    ended: list[Done] = []
-    with Store(session.folder) as store:
+    with telling_disk(session.folder), Store(session.folder) as store:
         planned = plan(session, store, redraw)
         if planned.outdated:
             then = "the figures are not" if redraw else "they are computed again"
             console.print(
                 f"{planned.outdated} rows were computed by other code: {then}", markup=False
             )
+        who = f"the workers of {scheduler}" if scheduler else f"{workers} workers"
         console.print(
             f"{session.experiment.title}: {planned.missing} trials to compute, {planned.reused} "
-            f"reused, {workers} workers",
+            f"reused, {who}",
             markup=False,
         )
         tell_left_out(console, session)
         tell_beyond_reach(console, session)
+        make_executor = cluster_pool(scheduler) if scheduler and planned.tasks else make_local
+        tally = Tally(len(planned.tasks))
         try:
-            with reporting(console, len(planned.tasks)) as reporter:
+            with reporting(console, tally) as reporter:
                 for done in execute(session, store, planned, make_executor):
-                    ended.append(done)
                     reporter.tell(done)
         except KeyboardInterrupt:
-            kept = sum(done.task.keep for done in ended)
             again = shlex.join(["run-experiment", *sys.argv[1:]])
             print(
-                f"\nInterrupted: {kept} of {planned.missing} missing rows are kept in "
+                f"\nInterrupted: {tally.computed} of {planned.missing} missing rows are kept in "
                 f"{session.folder}. To go on: {again}",
                 file=sys.stderr,
             )
             return EXIT_INTERRUPTED
-    tables = report(session)
-    (show or partial(show_tables, console))(tables)
-    tell_no_overlap(console, session)
-    if planned.tasks:
-        draw_whole(session, make_executor)
-    from harness.report.run_page import write_run_page  # it brings matplotlib
+        tables = report(session)
+        (show or partial(show_tables, console))(tables)
+        tell_no_overlap(console, session)
+        if planned.tasks:
+            draw_whole(session, make_local)
+        from harness.report.run_page import write_run_page  # it brings matplotlib
 
-    write_run_page(session, tables, make_executor)
+        write_run_page(session, tables, make_local)
     if show is None:
         show_paths(console, session.folder)
-    computed = [done.row for done in ended if done.task.keep]
-    errors = [row for row in computed if row.status == "error"]
-    undrawn = sum(bool(done.drawing_error) for done in ended)
     answered = int((load(session.folder, arrays=False)["status"] == "ok").sum())
     console.print(
-        f"{len(computed)} trials computed, {planned.reused} reused; {answered} of "
-        f"{len(session.trials)} answered, {len(errors)} errors; "
-        f"{time.perf_counter() - start:.1f} s with {workers} workers",
+        f"{tally.computed} trials computed, {planned.reused} reused; {answered} of "
+        f"{len(session.trials)} answered, {tally.errors} errors; "
+        f"{time.perf_counter() - start:.1f} s with {who}",
         markup=False,
     )
-    for row in errors:
-        print(f"trial {row.id}: {row.reason}", file=sys.stderr)
-    return EXIT_FAILED if errors or undrawn else EXIT_OK
+    for line in tally.first_errors:
+        print(line, file=sys.stderr)
+    if tally.errors > len(tally.first_errors):
+        print(f"and {tally.errors - len(tally.first_errors)} more errors", file=sys.stderr)
+    return EXIT_FAILED if tally.errors or tally.undrawn else EXIT_OK
+
+
+def export(session: Session, file: Path) -> int:
+    """Write the rows at hand to one file; computes nothing."""
+    rows = export_rows(session.folder, file)
+    print(f"{file}: {rows} rows")
+    return EXIT_OK
+
+
+@contextmanager
+def telling_disk(folder: Path) -> Iterator[None]:
+    """A disk that is full or may not be written to becomes one line, with the way out."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in DISK_ERRORS:
+            raise
+        raise StoreError(
+            f"{error.filename or folder} cannot be written ({error.strerror}); the rows so far are "
+            "kept: make room, or give another folder with --out"
+        ) from None
 
 
 def dry_run(session: Session, workers: int | None) -> int:
@@ -117,19 +149,29 @@ def dry_run(session: Session, workers: int | None) -> int:
     from harness.execution import perform
 
     perform(session.trials[0])  # the first one compiles and loads, which no other has to do
-    rehearsed = session.trials[1 : 1 + REHEARSED] or session.trials
     start = time.perf_counter()
+    rehearsed = _rehearsed(session)
     for trial in rehearsed:
         row = perform(trial).row
         console.print(f"{trial_name(trial)}: {outcome(row)}", markup=False, soft_wrap=True)
     each_s = (time.perf_counter() - start) / len(rehearsed)
-    total_s = each_s * len(session.trials) / workers
+    to_do = len({trial.id for trial in session.trials})
     console.print(
-        f"{each_s:.2f} s a trial: about {total_s:.0f} s with {workers} workers, figures apart; "
-        f"rows would go to {session.folder}",
+        f"{each_s:.2f} s a trial: about {duration(each_s * to_do / workers)} with {workers} "
+        f"workers, figures apart; rows would go to {session.folder}".replace(
+            "about under", "under"
+        ),
         markup=False,
     )
     return EXIT_OK
+
+
+def _rehearsed(session: Session) -> Sequence[Trial]:
+    """Some trials to time: of a sweep from all over it, as its points may differ in cost."""
+    trials = session.trials
+    if session.experiment.sweep is None or len(trials) <= 2 * REHEARSED:
+        return trials[1 : 1 + REHEARSED] or trials
+    return [trials[(2 * i + 1) * len(trials) // (2 * REHEARSED)] for i in range(REHEARSED)]
 
 
 def replay(session: Session, identity: str) -> int:

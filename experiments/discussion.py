@@ -13,7 +13,8 @@ from scipy.spatial.transform import RigidTransform
 
 from experiments.commands import available_cores
 from experiments.discussion_trials import Asked, DiscussionExperiment, load_discussion
-from experiments.terminal import make_console, reporting
+from experiments.progress import Tally, reporting
+from experiments.terminal import make_console
 from experiments.turned_rotation import Turning, middle_mm, turn
 from harness.config import dump_yaml
 from harness.config_errors import ConfigError
@@ -124,7 +125,7 @@ def perform_asked(
             facts = json.dumps(run_facts(code), indent=2)
             (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
         store.begin(trials)
-        with reporting(make_console(), len(missing)) as reporter:
+        with reporting(make_console(), Tally(len(missing))) as reporter:
             tasks = [Task(trial, keep=True) for trial in missing.values()]
             for ended in run(tasks, store, code, make_executor):
                 reporter.tell(ended)

@@ -128,8 +128,9 @@ def load_profiles(
     data = overridden_mapping(path, overrides, seed)
     experiment: ProfilesExperiment = validated(ProfilesExperiment, data, path)
     check_names(experiment, path)
-    if experiment.sweep is not None:
-        raise ConfigError(path, ("sweep",), f"says nothing to an experiment of kind {KIND!r}")
+    for key in ("sweep", "limits"):
+        if data.get(key) is not None:
+            raise ConfigError(path, (key,), f"says nothing to an experiment of kind {KIND!r}")
     for index, method in enumerate(experiment.methods):
         if method.name in METHODS:
             raise ConfigError(

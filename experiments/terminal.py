@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from harness.runner import Done
 from harness.store import Row
 from harness.table_files import Table
 from harness.trials import Trial
@@ -28,49 +25,6 @@ def make_console() -> Console:
     """The terminal, or a wide plain one when the output goes to a file."""
     console = Console(highlight=False)
     return console if console.is_terminal else Console(highlight=False, width=LOG_WIDTH)
-
-
-class Reporter:
-    """Tells of every task that ended: a bar on a terminal, a line each elsewhere."""
-
-    def __init__(self, console: Console, progress: Progress | None, total: int) -> None:
-        self._console = console
-        self._progress = progress
-        self._bar = None if progress is None else progress.add_task("trials", total=total)
-        self._total = total
-        self._ended = 0
-
-    def tell(self, done: Done) -> None:
-        """Report one task."""
-        self._ended += 1
-        row = done.row
-        line = f"{trial_name(done.task.trial)}: {outcome(row)}"
-        if not done.task.keep:
-            line = f"{trial_name(done.task.trial)}: figures"
-        if self._progress is None or self._bar is None:
-            self._console.print(
-                f"[{self._ended}/{self._total}] {line}", markup=False, soft_wrap=True
-            )
-        else:
-            self._progress.update(self._bar, advance=1, description=escape(line[:60]))
-        if done.drawing_error:
-            self._console.print(
-                f"figures of {trial_name(done.task.trial)}: {done.drawing_error}", markup=False
-            )
-
-
-@contextmanager
-def reporting(console: Console, total: int) -> Iterator[Reporter]:
-    """A reporter for so many tasks."""
-    if not console.is_terminal or total == 0:
-        yield Reporter(console, None, total)
-        return
-    columns = (
-        BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        TextColumn("{task.description}"),
-    )  # fmt: skip
-    with Progress(*columns, console=console, transient=True) as progress:
-        yield Reporter(console, progress, total)
 
 
 def trial_name(trial: Trial) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from harness.limits import NO_LIMITS, Limits
 from harness.schema import Angle, Choice, Length, MethodChoice, ScanSize, Vector
 from harness.strict import Strict
 from harness.study_schema import Study
@@ -55,6 +56,7 @@ class RandomPairsExperiment(Strict):
         Where `scan` is swept it keeps the pairs the same.
     study: the question that the sweep or the methods answer, and how it is drawn.
     sweep: variants of all this; every trial is then done for each of its points.
+    limits: what a trial may take; one that takes more becomes a row of status "error".
     """
 
     experiment: Literal["random_pairs"]
@@ -73,6 +75,7 @@ class RandomPairsExperiment(Strict):
     seed: int = Field(default=0, ge=0)
     study: Study | None = None
     sweep: Sweep | None = None
+    limits: Limits = NO_LIMITS
 
     @model_validator(mode="after")
     def _in_order(self) -> RandomPairsExperiment:

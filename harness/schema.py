@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from harness.limits import NO_LIMITS, Limits
 from harness.strict import Strict
 from harness.sweep_schema import Sweep
 from sensors.paths import Direction, Line
@@ -209,6 +210,7 @@ class Experiment(Strict):
     rotation_labels: how the labels of the printed angles are read (the tables 6.2 to 6.5 name
         another axis than the one that was turned): printed, swapped (X and Z) or cyclic.
     sweep: variants of all this; every trial is then done for each of its points.
+    limits: what a trial may take; one that takes more becomes a row of status "error".
     """
 
     title: str
@@ -225,3 +227,4 @@ class Experiment(Strict):
     repeats: int = Field(default=1, ge=1, le=100_000)
     seed: int = Field(default=0, ge=0)
     sweep: Sweep | None = None
+    limits: Limits = NO_LIMITS

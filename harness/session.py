@@ -131,7 +131,8 @@ def execute(
     (session.folder / "config.yaml").write_text(dump_yaml(resolved(session)), encoding="utf-8")
     store.begin(session.trials)
     store.forget_drawings(session.trials)
-    for done in run(planned.tasks, store, session.code, make_executor):
+    limits = session.experiment.limits
+    for done in run(planned.tasks, store, session.code, make_executor, limits):
         if done.task.pictures is not None and not done.drawing_error:
             store.note_drawing(done.task.trial, done.files)
         yield done

@@ -74,7 +74,7 @@ def _path(data: dict[str, Any], key: str, file: Path) -> Key:
         return ConfigError(file, ("sweep", "over", key), message)
 
     path = key_path(data, key, problem)
-    if path[0] in ("sweep", "study", "title", "description", "experiment"):
+    if path[0] in ("sweep", "study", "title", "description", "experiment", "limits"):
         raise problem(f"{path[0]!r} cannot be swept")
     return path
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
+import time
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,7 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
-from experiments.cli import _parser
+from experiments.arguments import make_parser
 from harness.config import load_experiment, read_mapping
 from harness.execution import perform
 from harness.scoring import exact_pose, pose_error
@@ -64,7 +66,7 @@ def view(yaw_deg: float) -> ViewPath:
 
 
 def test_every_python_block_is_run_here() -> None:
-    words = ("first_view.npy", "fit_calibration", "cautious.py", "ShelfParams")
+    words = ("first_view.npy", "fit_calibration", "cautious.py", "ShelfParams", "SLURMCluster")
     assert sorted(blocks("python")) == sorted(block("python", word) for word in words)
 
 
@@ -131,6 +133,30 @@ def test_a_scene_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Jupiter(JupiterParams()).hits(scene, path).valid.any()
 
 
+def test_a_cluster_of_slurm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it stands, with an sbatch that only keeps what it is given."""
+    pytest.importorskip("dask_jobqueue", reason="comes with the extra `cluster`")
+    sbatch = tmp_path / "sbatch"
+    sbatch.write_text(f"#!/bin/sh\ncat $1 >> {tmp_path}/jobs\necho Submitted batch job 7\n")
+    sbatch.chmod(0o755)
+    (tmp_path / "scancel").symlink_to("/bin/true")
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    jobs = tmp_path / "jobs"
+
+    def enter(_: str) -> str:
+        deadline = time.monotonic() + 60.0
+        while not (jobs.exists() and jobs.read_text().count("#!/") == 4):
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        return ""
+
+    monkeypatch.setattr("builtins.input", enter)
+    names = run(block("python", "SLURMCluster"))
+    names["cluster"].close()
+    assert "#SBATCH -p compute" in jobs.read_text()
+    assert "--nworkers 16" in jobs.read_text()
+
+
 def test_the_menu_is_the_configs() -> None:
     listed = re.findall(r"^\| `(configs/\S+\.yaml)` \| (.+?) \|$", README, flags=re.MULTILINE)
     configs = sorted((ROOT / "configs").glob("*.yaml"))
@@ -139,7 +165,7 @@ def test_the_menu_is_the_configs() -> None:
 
 
 def test_every_option_is_in_the_readme() -> None:
-    options = {name for action in _parser()._actions for name in action.option_strings}
+    options = {name for action in make_parser()._actions for name in action.option_strings}
     listed = set(re.findall(r"^\| `(--[a-z-]+)", README, flags=re.MULTILINE))
     assert listed == {name for name in options if name.startswith("--")} - {"--help"}
 
