@@ -19,7 +19,7 @@ from harness.provenance import code_fingerprint, run_facts
 from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
 from harness.random_tables import random_tables
-from harness.report.pair_record import FOLDER as RECORDS
+from harness.report.folder import FOLDER as RECORDS
 from harness.resolved import resolved_config, with_defaults
 from harness.runner import Done, Task, run
 from harness.schema import Experiment

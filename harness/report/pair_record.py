@@ -27,7 +27,6 @@ from harness.trials import Trial
 from scenes import SCENES
 from sensors import SENSORS
 
-FOLDER = "pairs"
 ROLES = ("target", "source")
 
 

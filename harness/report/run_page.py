@@ -14,10 +14,10 @@ from harness.config_errors import ConfigError
 from harness.pool import MakeExecutor
 from harness.report.answer import answer_sentence, answer_table, main_label
 from harness.report.failures import failures_markup, failures_table, replay_command
+from harness.report.folder import FOLDER
 from harness.report.offered import offered, worst_first
 from harness.report.packing import write_whole
 from harness.report.page import FILE_NAME, Part, Shown, page_markup
-from harness.report.pair_record import FOLDER
 from harness.report.records import provided
 from harness.report.studies import study
 from harness.session import Session
