@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.set-up
 
-.PHONY: setup desk thesis test lint docs fuzz clean
+.PHONY: setup desk thesis studies test lint docs fuzz clean
 
 setup: $(STAMP)
 
@@ -23,6 +23,12 @@ desk: setup
 
 thesis: setup
 	$(BIN)/run-experiment configs/thesis.yaml
+
+# Each goes on where it stopped when the same is said again.
+STUDIES := sensitivity sensitivity_sobol overlap noise step_profiles leaderboard
+
+studies: setup
+	@for study in $(STUDIES); do $(BIN)/run-experiment configs/$$study.yaml || exit 1; done
 
 lint: setup
 	$(BIN)/ruff check .

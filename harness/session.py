@@ -170,10 +170,16 @@ def report(session: Session) -> list[Table]:
         tables = all_tables(session.experiment, rows, _gaps(session.trials, rows))
     if session.experiment.sweep is None:
         tables += variant_tables(session.experiment.methods, rows, random)
+    if isinstance(session.experiment, RandomPairsExperiment) and session.experiment.study:
+        from harness.study import draw_study, find
+
+        findings = find(session.experiment, rows)
+        draw_study(findings, session.folder / "figures")
+        tables = [*findings.tables, *(replace(t, quiet=True) for t in tables)]
     sensor = session.base[0].spec.sensor
     card = card_table(sensor.name, sensor.params)
     tables += [table for table in (arm_table(session.base), card) if table is not None]
-    tables = [replace(table, quiet=table.name in QUIET) for table in tables]
+    tables = [replace(table, quiet=table.quiet or table.name in QUIET) for table in tables]
     write_tables(tables, session.folder / "tables")
     return tables
 

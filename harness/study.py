@@ -1,0 +1,113 @@
+"""What a study found: tables, figures and a conclusion of two sentences, from its rows alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from harness.figures_page import Style, save
+from harness.random_schema import RandomPairsExperiment
+from harness.study_curves import curves_conclusion, curves_table, draw_errors, draw_success
+from harness.study_effects import draw_effects, effects_conclusion, effects_table
+from harness.study_grid import draw_grid, grid_conclusion, grid_table
+from harness.study_indices import (
+    IncompleteError,
+    draw_failure_map,
+    draw_indices,
+    indices_conclusion,
+    indices_table,
+)
+from harness.study_overlap import draw_overlap, overlap_conclusion, overlap_table
+from harness.study_ranking import draw_ranking, ranking_conclusion, ranking_table
+from harness.table_files import Table
+
+FIGURE = "study_"  # how the files of the figures begin
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Of a study: its tables, the answer's first, its figures by name, and two sentences.
+
+    The frame of a table holds the raw numbers of the figures that show it.
+    """
+
+    tables: tuple[Table, ...]
+    figures: Mapping[str, Callable[[], Figure]]
+    conclusion: tuple[str, str]
+
+
+def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
+    """What the study of an experiment found; nothing is drawn before its figures are called.
+
+    rows: as store.load gives them. An incomplete design gets a conclusion that says so.
+    """
+    study, sweep = experiment.study, experiment.sweep
+    if study is None:
+        raise ValueError(f"{experiment.title} has no study")
+    names = study.names
+    if study.kind == "indices" and sweep is not None:
+        try:
+            table = indices_table(rows, sweep, names)
+        except IncompleteError as error:
+            return Findings((), {}, (f"No indices yet: {error}.", "Run the rest first."))
+        frame = table.frame
+        lines = indices_conclusion(frame)
+        note = " ".join(lines)
+        figures = {
+            "indices": lambda: draw_indices(frame, note),
+            "failures": lambda: draw_failure_map(rows, frame, sweep, names, note),
+        }
+        return _told((table,), figures, lines)
+    if study.kind == "curves":
+        table = curves_table(rows, names)
+        frame = table.frame
+        lines = curves_conclusion(frame)
+        note = " ".join(lines)
+        figures = {
+            "success": lambda: draw_success(frame, note),
+            "errors": lambda: draw_errors(frame, note),
+        }
+        return _told((table,), figures, lines)
+    if study.kind == "effects":
+        table = effects_table(rows)
+        frame = table.frame
+        lines = effects_conclusion(frame)
+        return _told((table,), {"effects": lambda: draw_effects(frame, " ".join(lines))}, lines)
+    if study.kind == "grid":
+        table = grid_table(rows, study.profiles_per_s)
+        frame = table.frame
+        lines = grid_conclusion(rows, frame)
+        return _told((table,), {"failures": lambda: draw_grid(frame, " ".join(lines))}, lines)
+    if study.kind == "overlap":
+        table = overlap_table(rows, experiment.overlap)
+        frame = table.frame
+        lines = overlap_conclusion(rows, frame)
+        return _told((table,), {"overlap": lambda: draw_overlap(frame, " ".join(lines))}, lines)
+    table = ranking_table(rows)
+    frame = table.frame
+    lines = ranking_conclusion(rows, frame)
+    return _told((table,), {"ranking": lambda: draw_ranking(frame, " ".join(lines))}, lines)
+
+
+def _told(
+    tables: tuple[Table, ...],
+    figures: Mapping[str, Callable[[], Figure]],
+    conclusion: tuple[str, str],
+) -> Findings:
+    """Findings whose first table tells the conclusion."""
+    first = replace(tables[0], note="\n" + "\n".join(conclusion))
+    return Findings((first, *tables[1:]), figures, conclusion)
+
+
+def draw_study(findings: Findings, folder: Path) -> list[Path]:
+    """Draw the figures of a study; returns the files, PNG."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, draw in findings.figures.items():
+        with Style():
+            files.append(save(draw(), folder / f"{FIGURE}{name}.png"))
+    return files

@@ -1,0 +1,114 @@
+"""What studies count: which trials are right, errors that failures take part in, intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+from harness.random_groups import BoolArray, within
+from harness.scoring import COARSE, wilson_interval
+from registration.scan import FloatArray
+
+ROTATION, TRANSLATION = "Rotation error (deg)", "Translation error (mm)"
+ERRORS = {ROTATION: "rotation_cut_deg", TRANSLATION: "translation_cut_mm"}
+ERROR_FORMATS = {ROTATION: ".2f", TRANSLATION: ".1f"}
+RESAMPLES = 1000
+LEVEL = 0.95
+RIGHT = (
+    f"Right: answered ok, within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm, "
+    "with Wilson's 95 % interval."
+)
+CUT = (
+    f"Errors are means over all trials, cut at {COARSE.rotation_deg:g} deg and "
+    f"{COARSE.translation_mm:g} mm, no answer counting as that, with bootstrap 95 % intervals."
+)
+
+
+def outcomes(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows of whole trials with the columns right, rotation_cut_deg and translation_cut_mm.
+
+    Errors are cut at the coarse tolerance; a trial without an answer marked ok has both at the cut,
+    so that a failure is never better than an answer and none is left out.
+    """
+    known = rows[rows["given"] == ""].copy()
+    known["right"] = within(known, COARSE)
+    answered = (known["status"] == "ok").to_numpy(dtype=bool)
+    for column, name, cut in (
+        ("rotation_error_deg", "rotation_cut_deg", COARSE.rotation_deg),
+        ("translation_error_mm", "translation_cut_mm", COARSE.translation_mm),
+    ):
+        error = known[column].to_numpy(dtype=float)
+        known[name] = np.where(answered & np.isfinite(error), np.fmin(error, cut), cut)
+    return known
+
+
+def record_of(group: pd.DataFrame) -> dict[str, Any]:
+    """How many trials, the share that is right and the mean errors, each with its interval."""
+    right, count = int(group["right"].sum()), len(group)
+    low, high = wilson_interval(right, count)
+    share = right / count if count else float("nan")
+    record: dict[str, Any] = {"Trials": count, "Right": share, "Right low": low, "Right high": high}
+    for name, column in ERRORS.items():
+        values = group[column].to_numpy(dtype=float)
+        bounds = mean_interval(values)
+        record |= {name: values.mean(), f"{name} low": bounds[0], f"{name} high": bounds[1]}
+    return record
+
+
+def record_formats() -> dict[str, str]:
+    """How the columns of record_of are printed."""
+    formats = {"Trials": "d"}
+    for column, form in {"Right": ".0%", **ERROR_FORMATS}.items():
+        formats |= dict.fromkeys((column, f"{column} low", f"{column} high"), form)
+    return formats
+
+
+def mean_interval(values: FloatArray) -> tuple[float, float]:
+    """The 95 % interval of a mean by the percentile bootstrap, the same for the same values."""
+    if not len(values):
+        return float("nan"), float("nan")
+    picks = np.random.default_rng(0).integers(len(values), size=(RESAMPLES, len(values)))
+    low, high = np.quantile(values[picks].mean(axis=1), [0.5 - LEVEL / 2, 0.5 + LEVEL / 2])
+    return float(low), float(high)
+
+
+def paired(ours: pd.DataFrame, theirs: pd.DataFrame, columns: Sequence[str]) -> list[FloatArray]:
+    """For each column (pairs, 2) what both have on the pairs and repeats that are in both."""
+    key = ["pair", "repeat"]
+    both = ours[[*key, *columns]].merge(theirs[[*key, *columns]], on=key, how="inner")
+    return [both[[f"{c}_x", f"{c}_y"]].to_numpy(dtype=float) for c in columns]
+
+
+def gained_lost(ours: pd.DataFrame, theirs: pd.DataFrame) -> tuple[int, int, float]:
+    """Pairs that only ours, or only theirs, has right; the chance of so uneven a split.
+
+    An exact sign test: 1.0 where there is no difference.
+    """
+    (right,) = paired(ours, theirs, ["right"])
+    gained = int((right[:, 0] > right[:, 1]).sum())
+    lost = int((right[:, 0] < right[:, 1]).sum())
+    p = float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
+    return gained, lost, p
+
+
+def beyond_chance(p_values: Sequence[float], level: float = 1.0 - LEVEL) -> BoolArray:
+    """(n,) which tests hold at this level for all together (Holm, Scand. J. Stat. 6 (1979) 65)."""
+    p = np.asarray(p_values, dtype=np.float64)
+    order = np.argsort(p, kind="stable")
+    passed = p[order] <= level / np.arange(len(p), 0, -1)
+    first_failed = int(np.argmin(passed)) if not passed.all() else len(p)
+    held = np.zeros(len(p), dtype=bool)
+    held[order[:first_failed]] = True
+    return held
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names as a sentence has them; "none" of none."""
+    entries = list(names)
+    if len(entries) < 2:
+        return entries[0] if entries else "none"
+    return f"{', '.join(entries[:-1])} and {entries[-1]}"
