@@ -26,10 +26,11 @@ def worst_first(rows: pd.DataFrame) -> pd.DataFrame:
     return bad.iloc[order]
 
 
-def offered(rows: pd.DataFrame, drawn: Collection[str]) -> list[str]:
+def offered(rows: pd.DataFrame, drawn: Collection[str], main: str = "") -> list[str]:
     """Ids of the trials to show, the worst first, then those that are drawn.
 
-    rows: as store.load gives them. drawn: labels of the methods whose repeat 0 is drawn.
+    rows: as store.load gives them. drawn: labels of the methods whose repeat 0 is drawn. main: the
+    label of a method that is to be seen at least once, where it can be.
     """
     whole = rows[rows["given"] == ""]
     # Without any overlap or with an error of the program there is nothing to look at.
@@ -40,7 +41,8 @@ def offered(rows: pd.DataFrame, drawn: Collection[str]) -> list[str]:
     seen = whole[(whole["repeat"] == 0) & whole["method"].isin(list(drawn))]
     seen = seen[~seen["status"].isin(["no_overlap", "error"])]
     chosen += [identity for identity in seen["id"] if identity not in chosen]
-    if not chosen:
-        shown = whole[~whole["status"].isin(["no_overlap", "error"])]
-        chosen = list(shown["id"][:1])
-    return chosen
+    there = whole[~whole["status"].isin(["no_overlap", "error"])]
+    of_main = there[there["method"] == main]
+    if len(of_main) and not of_main["id"].isin(chosen).any():
+        chosen.append(str(of_main["id"].iloc[0]))
+    return chosen or list(there["id"][:1])

@@ -49,6 +49,7 @@ def run_part(
 ) -> tuple[Part, Shown]:
     """What a page says of one run, and what it shows of it in 3D."""
     sweep = session.experiment.sweep
+    main = main_label(session.experiment)
     rows = load(session.folder, arrays=False)
     # Of a sweep nothing is drawn: its pairs are too many.
     labels = (
@@ -58,7 +59,7 @@ def run_part(
     )
     folder = session.folder / FOLDER
     by_id = {trial.id: trial for trial in session.trials}
-    records = provided(offered(rows, labels), by_id, rows, folder, make_executor)
+    records = provided(offered(rows, labels, main), by_id, rows, folder, make_executor)
     command = ["run-experiment", str(_config_file(session))]
     failures = failures_table(rows)
     named = [table for table in tables if table.name not in ("failures", "curves")]
@@ -78,9 +79,9 @@ def run_part(
         study=None if sweep is None else study(rows, sweep.design),
     )
     folders = dict.fromkeys(records, folder)
-    main = main_label(session.experiment)
-    drawn = [key for key, found in records.items() if found["repeat"] == 0]
-    first = next((key for key in drawn if records[key]["method"] == main), "")
+    # What is seen first is the first repeat of the method that the answer is about, if any is kept.
+    own = [key for key, found in records.items() if found["method"] == main]
+    first = min(own, key=lambda key: records[key]["repeat"], default="")
     return part, Shown(records, folders, _listed(rows, command), first)
 
 

@@ -7,6 +7,8 @@
   const palette = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#555555"];
   const config = { responsive: true, displaylogo: false };
   const EVERY = "(all)";
+  // Plotly reads a few tags in its texts; names from a config are text.
+  const plain = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
 
   async function begin(form) {
     const study = await load(form.dataset.study);
@@ -78,12 +80,12 @@
         const lines = order !== group;
         const value = order.map((point) => point[quantity]);
         return {
-          type: "scatter", mode: lines ? "lines+markers" : "markers", name,
+          type: "scatter", mode: lines ? "lines+markers" : "markers", name: plain(name),
           x: order.map((point) => point.values[along]), y: value.map((v) => v[0]),
           error_y: { type: "data", symmetric: false, thickness: 1, width: 3, array: value.map((v) => v[2] - v[0]), arrayminus: value.map((v) => v[0] - v[1]) },
           marker: { size: 8, symbol: symbols[place % symbols.length], color: palette[place % palette.length] },
           line: { color: palette[place % palette.length], width: 2 },
-          text: order.map((point) => `${name}<br>${study.keys.map((key, i) => `${key} ${point.values[i]}`).join("<br>")}<br>${point.n} trials`.replace(/&/g, "&amp;")),
+          text: order.map((point) => [name, ...study.keys.map((key, i) => `${key} ${point.values[i]}`), `${point.n} trials`].map(plain).join("<br>")),
           hovertemplate: "%{text}<br>%{y:.3g}<extra></extra>",
         };
       });
@@ -99,7 +101,7 @@
         const known = found.filter((point) => point[quantity]).map((point) => point[quantity][0]);
         return known.length ? known.reduce((a, b) => a + b, 0) / known.length : null;
       };
-      return [{ type: "heatmap", x: columns.map(String), y: lines.map(String), z: cells.map((row) => row.map(mean)),
+      return [{ type: "heatmap", x: columns.map(plain), y: lines.map(plain), z: cells.map((row) => row.map(mean)),
         colorscale: "Viridis", ...(shares() ? { zmin: 0, zmax: 1 } : {}), texttemplate: shares() ? "%{z:.0%}" : "%{z:.3g}",
         colorbar: { title: { text: label().replace(" within ", "<br>within "), side: "top" } }, hovertemplate: "%{x}, %{y}: %{z:.3g}<extra></extra>" }];
     }

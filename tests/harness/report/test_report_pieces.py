@@ -132,6 +132,9 @@ def test_the_worst_come_first_and_no_kind_of_failure_takes_all_places() -> None:
     assert [int(i, 16) for i in worst_first(found)["id"]] == [4, 2, 6, 3, 1, 5]
     chosen = [int(i, 16) for i in offered(found, {"a"})]
     assert chosen == [4, 5, 2, 0]  # one of each kind, then the next; repeat 0 of "a" is drawn
+    assert [int(i, 16) for i in offered(found, set(), "a")] == [4, 5, 2]  # "a" is there already
+    good = rows([("b", "failed", np.nan), ("a", "ok", 1.0)])
+    assert [int(i, 16) for i in offered(good, set(), "a")] == [0, 1]
     many = rows([("a", "failed", np.nan)] * 30 + [("b", "failed", np.nan)] * 30)
     assert len(offered(many, set())) == min(WORST, 2 * OF_A_KIND)
     assert offered(rows([("a", "ok", 1.0), ("a", "ok", 2.0)]), set()) == [f"{0:016x}"]
