@@ -18,10 +18,11 @@ import numpy as np
 import pytest
 import yaml
 
+from experiments.arguments import make_parser
 from experiments.at_once import RUNS
 from experiments.chapters import KIND as CHAPTERS
 from experiments.chapters import load_chapters
-from experiments.cli import _parser, main
+from experiments.cli import main
 from harness.config import experiment_kind, load_experiment
 from harness.store import load
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes
@@ -126,7 +127,7 @@ def test_commands_without_a_config(
 
 @pytest.mark.parametrize("words", OTHERS, ids=" ".join)
 def test_commands_on_other_configs_are_valid(words: list[str]) -> None:
-    options = _parser().parse_args(words)
+    options = make_parser().parse_args(words)
     file = ROOT / options.config
     kind = experiment_kind(file)
     if kind == CHAPTERS:
