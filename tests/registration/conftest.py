@@ -1,30 +1,7 @@
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
 import pytest
-from plane_scans import move_plates, random_clutter, random_view, scan_plates
-from scipy.spatial.transform import RigidTransform
-
-from registration import Scan
-
-
-class Pair(NamedTuple):
-    target: Scan
-    source: Scan
-    T_target_source: RigidTransform
-
-
-def clutter_pair(seed: int, noise: float) -> Pair:
-    rng = np.random.default_rng(seed)
-    plates = random_clutter(rng)
-    T_source_target = random_view(rng)
-    return Pair(
-        scan_plates(plates, noise=noise, rng=rng),
-        scan_plates(move_plates(plates, T_source_target), noise=noise, rng=rng),
-        T_source_target.inv(),
-    )
+from plane_scans import Pair, clutter_pair
 
 
 @pytest.fixture(scope="session")

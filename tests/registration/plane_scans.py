@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -129,4 +130,21 @@ def pose_error(T_a: RigidTransform, T_b: RigidTransform) -> tuple[float, float]:
     return (
         float(np.degrees(difference.rotation.magnitude())),
         float(np.linalg.norm(T_a.translation - T_b.translation)),
+    )
+
+
+class Pair(NamedTuple):
+    target: Scan
+    source: Scan
+    T_target_source: RigidTransform
+
+
+def clutter_pair(seed: int, noise: float) -> Pair:
+    rng = np.random.default_rng(seed)
+    plates = random_clutter(rng)
+    T_source_target = random_view(rng)
+    return Pair(
+        scan_plates(plates, noise=noise, rng=rng),
+        scan_plates(move_plates(plates, T_source_target), noise=noise, rng=rng),
+        T_source_target.inv(),
     )

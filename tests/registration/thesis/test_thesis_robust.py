@@ -6,11 +6,10 @@ import functools
 
 import numpy as np
 import pytest
-from conftest import clutter_pair
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from plane_scans import join, move_plates, plates_from, pose_error, scan_plates
+from plane_scans import clutter_pair, join, move_plates, plates_from, pose_error, scan_plates
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import Scan, register
