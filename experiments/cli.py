@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from experiments.arguments import make_parser
@@ -102,23 +103,30 @@ def _list() -> int:
 
 def _run_at_once(options: argparse.Namespace) -> int:
     from experiments.at_once import RUNS, check_reportable, rehearse, show_run
+    from experiments.discussion import replay_asked, run_discussion
+    from experiments.discussion_trials import KIND as DISCUSSION
     from harness.config import experiment_kind
     from harness.config_errors import ConfigError
     from harness.store import StoreError
 
-    for name in NEED_TRIALS:
-        if getattr(options, name):
-            flag = "--" + name.replace("_", "-")
-            raise ConfigError(flag, (), f"says nothing to {options.config}, which has no trials")
     kind = experiment_kind(options.config)
+    for name in NEED_TRIALS:
+        if getattr(options, name) and (name, kind) != ("trial", DISCUSSION):
+            flag = "--" + name.replace("_", "-")
+            raise ConfigError(flag, (), f"says nothing to {options.config}, which runs as a whole")
     request = options.config, options.out, options.set, options.seed
+    if options.trial is not None:
+        return replay_asked(options.config, options.set, options.seed, options.trial)
     if options.dry_run:
         rehearse(kind, *request)
         return EXIT_OK
     try:
         if options.report_only:
             check_reportable(kind, *request)
-        show_run(RUNS[kind], *request)
+        run = RUNS[kind]
+        if kind == DISCUSSION:
+            run = partial(run_discussion, workers=options.workers)
+        show_run(run, *request)
     except StoreError as error:
         return _refuse(error)
     except KeyboardInterrupt:
@@ -181,7 +189,7 @@ def _run(options: argparse.Namespace) -> int:
         return commands.show_scene(options.show_scene, options.config, options.out, options.set)
     session = open_session(options.config, options.out, options.set, options.seed)
     if options.trial is not None:
-        return commands.replay(session, options.trial)
+        return commands.replay(session.trials, options.trial)
     if options.dry_run:
         return commands.dry_run(session, options.workers)
     if options.export is not None:

@@ -174,11 +174,11 @@ def _rehearsed(session: Session) -> Sequence[Trial]:
     return [trials[(2 * i + 1) * len(trials) // (2 * REHEARSED)] for i in range(REHEARSED)]
 
 
-def replay(session: Session, identity: str) -> int:
+def replay(trials: Sequence[Trial], identity: str) -> int:
     """Perform one trial in this process and print its row; writes nothing."""
     from harness.execution import perform
 
-    trial = find_trial(session, identity)
+    trial = find_trial(trials, identity)
     row = perform(trial).row
     console = make_console()
     console.print(f"trial {trial.id}: {trial_name(trial)}", markup=False)
@@ -238,15 +238,13 @@ def show_scene(
     return EXIT_OK
 
 
-def find_trial(session: Session, identity: str) -> Trial:
+def find_trial(trials: Sequence[Trial], identity: str) -> Trial:
     """The trial whose id begins so; raises ConfigError."""
-    found = {t.id: t for t in session.trials if identity and t.id.startswith(identity)}
+    found = {t.id: t for t in trials if identity and t.id.startswith(identity)}
     if len(found) == 1:
         return next(iter(found.values()))
     problem = "matches several trials" if found else "is no trial of this config"
-    raise ConfigError(
-        "--trial", (), f"{identity!r} {problem}; it begins with {session.trials[0].id}"
-    )
+    raise ConfigError("--trial", (), f"{identity!r} {problem}; it begins with {trials[0].id}")
 
 
 def tell_left_out(console: Console, session: Session) -> None:

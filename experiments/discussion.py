@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import RigidTransform
 
-from experiments.commands import available_cores
+from experiments.commands import available_cores, replay
 from experiments.discussion_trials import Asked, DiscussionExperiment, load_discussion
 from experiments.progress import Tally, reporting
 from experiments.terminal import make_console
@@ -32,19 +32,24 @@ class TrialError(RuntimeError):
 
 
 def run_discussion(
-    path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
+    path: Path,
+    folder: Path | None,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    workers: int | None = None,
 ) -> tuple[list[Table], Path]:
     """Perform what is missing, write rows, tables and figures; returns the tables and the folder.
 
-    Raises ConfigError before anything is written. Rows are kept one by one: a run that was cut off
-    goes on where it stopped. Raises TrialError in the end where trials ended with an error.
+    workers: processes, one for each core when not given. Raises ConfigError before anything is
+    written. Rows are kept one by one: a run that was cut off goes on where it stopped. Raises
+    TrialError in the end where trials ended with an error.
     """
     from experiments.discussion_figures import draw_discussion
     from experiments.discussion_tables import discussion_tables
 
     experiment, asked = load_discussion(path, overrides, seed)
     folder = folder or Path("results") / path.stem
-    make_executor = process_pool(min(available_cores(), len(asked)))
+    make_executor = process_pool(min(workers or available_cores(), len(asked)))
     rows = perform_asked(asked, folder, make_executor)
     turned = turn_rotations(experiment, asked, make_executor)
     (folder / "config.yaml").write_text(
@@ -74,6 +79,12 @@ def rehearse_discussion(
         "one core; rotations are turned and figures drawn in half a minute",
         f"Would be written to {folder}",
     ]
+
+
+def replay_asked(path: Path, overrides: Sequence[str], seed: int | None, identity: str) -> int:
+    """Perform one trial and print its row; writes nothing. Raises ConfigError."""
+    asked = _performed(load_discussion(path, overrides, seed)[1])
+    return replay([a.trial for a in asked], identity)
 
 
 def check_rows(

@@ -116,7 +116,7 @@ def replay_part(
             continue
         session = run.session()
         if any(trial.id.startswith(identity) for trial in session.trials):
-            return replay(session, identity)
+            return replay(session.trials, identity)
     raise ConfigError("--trial", (), f"{identity!r} is no trial of a part of {path}")
 
 

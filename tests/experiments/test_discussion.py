@@ -14,6 +14,7 @@ from experiments.cli import main
 from experiments.discussion_tables import enough, moved_table, rms_interval, turned_table
 from experiments.discussion_trials import Asked, load_discussion
 from experiments.turned_rotation import Turning, turn
+from harness.pool import MakeExecutor, process_pool
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = [
@@ -49,7 +50,10 @@ def turnings(config: Path) -> dict[str, Turning]:
 
 
 def test_the_command_answers_every_question_and_takes_its_rows_again(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    config: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     options = [str(config), "--out", str(tmp_path)]
     for change in SMALL:
@@ -57,7 +61,15 @@ def test_the_command_answers_every_question_and_takes_its_rows_again(
     assert main([*options, "--report-only"]) == 2
     assert "lacks" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
-    assert main(options) == 0
+    used: list[int] = []
+
+    def counted(workers: int) -> MakeExecutor:
+        used.append(workers)
+        return process_pool(workers)
+
+    monkeypatch.setattr("experiments.discussion.process_pool", counted)
+    assert main([*options, "--workers", "1"]) == 0
+    assert used == [1]
     shown = capsys.readouterr().out
     tables = {path.stem: pd.read_csv(path) for path in (tmp_path / "tables").glob("*.csv")}
     assert set(tables) == {
@@ -96,6 +108,25 @@ def test_the_command_answers_every_question_and_takes_its_rows_again(
     for name, table in tables.items():
         again = pd.read_csv(tmp_path / "tables" / f"{name}.csv")
         pd.testing.assert_frame_equal(again, table)
+
+
+def test_a_trial_is_replayed_and_writes_nothing(
+    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = [str(config), "--out", str(tmp_path)]
+    for change in SMALL:
+        options += ["--set", change]
+    asked = load_discussion(config, SMALL)[1]
+    trial = next(
+        a.trial for a in asked if a.question == "moved" and a.trial.label == "gauss_sphere"
+    )
+    assert main([*options, "--trial", trial.id]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"trial {trial.id}: ")
+    assert "estimated  rotation" in shown
+    assert main([*options, "--trial", "no such"]) == 2
+    assert "'no such' is no trial of" in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
 
 
 def test_a_turn_of_nothing_leaves_the_translation_the_same_everywhere(config: Path) -> None:
