@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from harness.figures_page import INK, NOTE_CHARACTERS
 from registration.scan import FloatArray
@@ -49,7 +49,8 @@ def logarithmic(ax: Axes, which: Literal["x", "y"], values: FloatArray) -> None:
         return
     ax.set(**{f"{which}scale": "log"})
     axis = ax.xaxis if which == "x" else ax.yaxis
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    wide = np.nanmax(values) >= 10.0 * np.nanmin(values)
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if wide else MaxNLocator(4))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
 

@@ -107,7 +107,7 @@ def draw_grid(frame: pd.DataFrame, note: str) -> Figure:
     foot, lines = foot_in(note), -(-len(methods) // 2)
     figure = new_figure(
         "Few profiles far apart, or many close together?\nShare of failures; framed: the fewest in "
-        "a column, that is at equal scan time. Along diagonals scans are equally long",
+        "a column, that is at equal scan time.\nAlong diagonals scans are equally long",
         0.95 + PANEL_IN * lines + foot,
         note,
     )

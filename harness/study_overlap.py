@@ -102,8 +102,8 @@ def overlap_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, st
         right = known[(known["method"] == method) & known["right"]]
         trends.append(f"{method} {_trend(right)}")
     first = (
-        f"Right at {whole['From'].min():.0%} overlap and at {whole['To'].max():.0%}: "
-        f"{'; '.join(successes)}."
+        f"Right at an overlap of {whole['From'].iloc[0]:.0%} to {whole['To'].iloc[0]:.0%} and of "
+        f"{whole['From'].max():.0%} to {whole['To'].max():.0%}: {'; '.join(successes)}."
     )
     return first, f"With more overlap the translation error of right ones: {'; '.join(trends)}."
 
