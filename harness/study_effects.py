@@ -91,7 +91,10 @@ def effects_conclusion(frame: pd.DataFrame) -> tuple[str, str]:
             for _, line in twice.sort_values(CHANGE, ascending=False, kind="stable").iterrows()
         )
         most = alone.iloc[-1] if len(alone) else None
-        worst = "" if most is None else f"{most['Effect']} ({_mm(most[TRANSLATION])} mm)"
+        worst = "none" if most is None else f"{most['Effect']} ({_mm(most[TRANSLATION])} mm"
+        if most is not None:
+            low, high = (_mm(most[f"{TRANSLATION} {end}"]) for end in ("low", "high"))
+            worst += f" [{low}, {high}])"
         costs.append(f"{method} {worst}, twice as large costs: {grows}")
     first = f"Translation error falls, beyond chance, without: {'; '.join(wins)}."
     return first, f"Alone most harmful: {'; '.join(costs)}."
@@ -108,7 +111,7 @@ def draw_effects(frame: pd.DataFrame, note: str) -> Figure:
     tall, foot = 0.3 + 0.24 * len(effects), foot_in(note)
     figure = new_figure(
         "What does each effect of the sensor do?\nLines: dotted without any effect, solid with "
-        "all. Means over all trials with 95 % intervals, errors cut at 5 deg and 30 mm",
+        "all. Means over all trials,\nerrors cut at 5 deg and 30 mm; 95 % intervals",
         1.25 + (tall + 0.75) * len(methods) + foot,
         note,
     )
@@ -140,7 +143,7 @@ def draw_effects(frame: pd.DataFrame, note: str) -> Figure:
     ]
     height = figure.get_size_inches()[1]
     figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(0.01, 1.0 - 0.5 / height), ncols=3
+        handles=handles, loc="upper left", bbox_to_anchor=(0.01, 1.0 - 0.68 / height), ncols=3
     )
     return figure
 

@@ -199,7 +199,7 @@ def test_effects_name_the_one_that_harms(effect: str) -> None:
 
     first, second = concluded("noise", 12, works).conclusion
     assert f"thesis (30.0 mm with all, 1.1 with none): {effect} (-28.9)" in first
-    assert f"thesis {effect} (30.0 mm)" in second
+    assert f"thesis {effect} (30.0 mm [30.0, 30.0])" in second
 
 
 @pytest.mark.parametrize("best", ["thesis", "gauss_sphere"])
