@@ -90,11 +90,10 @@ def _columns(connection: sqlite3.Connection, query: str) -> dict[str, NDArray[np
     """What a query finds, column by column."""
     cursor = connection.execute(query)
     names = [name for name, *_ in cursor.description]
-    records = cursor.fetchall()
-    columns = {}
-    for index, name in enumerate(names):
-        columns[name] = np.empty(len(records), dtype=object)
-        columns[name][:] = [record[index] for record in records]
+    found = list(zip(*cursor, strict=True)) or [()] * len(names)
+    columns = {name: np.empty(len(found[0]), dtype=object) for name in names}
+    for column, values in zip(columns.values(), found, strict=True):
+        column[:] = values
     return columns
 
 
@@ -117,12 +116,11 @@ def _points(
 def _spread(prefix: str, names: NDArray[np.object_], blobs: NDArray[np.object_]) -> pd.DataFrame:
     """Numbers that rows hold under names of their own, a column for each name."""
     columns: dict[str, FloatArray] = {}
-    kinds, kind_of = np.unique(names.astype(str), return_inverse=True)
     # In the order in which they first occur, as the stages of a method follow each other.
-    firsts = [int(np.argmax(kind_of == kind)) for kind in range(len(kinds))]
-    for kind in np.argsort(firsts, kind="stable").tolist():
+    kind_of, kinds = pd.factorize(names)
+    for kind, text in enumerate(kinds):
         which = np.flatnonzero(kind_of == kind)
-        listed = json.loads(kinds[kind])
+        listed = json.loads(text)
         numbers = np.frombuffer(b"".join(blobs[which])).reshape(len(which), len(listed))
         for index, name in enumerate(listed):
             column = columns.setdefault(prefix + name, np.full(len(names), np.nan))
