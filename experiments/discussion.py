@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from experiments.discussion_trials import Asked, DiscussionExperiment, load_disc
 from experiments.progress import Tally, reporting
 from experiments.terminal import make_console
 from experiments.turned_rotation import Turning, middle_mm, turn
+from harness.card import card_table
 from harness.config import dump_yaml
 from harness.config_errors import ConfigError
 from harness.pool import MakeExecutor, process_pool
@@ -56,7 +58,7 @@ def run_discussion(
         dump_yaml(experiment.model_dump(mode="json")), encoding="utf-8"
     )
     turned.to_csv(folder / "turned.csv", index=False)
-    tables = discussion_tables(experiment, rows, turned)
+    tables = [*discussion_tables(experiment, rows, turned), *cards(asked)]
     write_tables(tables, folder / "tables")
     draw_discussion(experiment, rows, turned, folder / "figures")
     errors = rows[rows["status"] == "error"]
@@ -64,6 +66,25 @@ def run_discussion(
         first = errors.iloc[0]
         raise TrialError(f"{len(errors)} trials failed, {first['id']} first:\n{first['traceback']}")
     return tables, folder
+
+
+def cards(asked: Sequence[Asked]) -> list[Table]:
+    """The card of the sensor, or of every one where the scenes have different ones; quiet."""
+    scenes: dict[str, list[str]] = {}
+    sensors = {}
+    for a in asked:
+        sensor = a.trial.spec.sensor
+        key = repr(sensor)
+        sensors[key] = sensor
+        if a.scene not in scenes.setdefault(key, []):
+            scenes[key].append(a.scene)
+    tables = []
+    for key, sensor in sensors.items():
+        card = card_table(sensor.name, sensor.params)
+        if card is not None:
+            name = card.name if len(sensors) == 1 else "_".join([card.name, *scenes[key]])
+            tables.append(replace(card, name=name, quiet=True))
+    return tables
 
 
 def rehearse_discussion(

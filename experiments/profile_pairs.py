@@ -26,6 +26,7 @@ from harness.schema import Experiment
 from harness.scoring import pose_error, six_parameters
 from harness.table_files import Table, write_tables
 from harness.trials import Trial, TrialSpec, build_trials
+from harness.view_tables import sensing_tables
 from registration.methods import METHODS, PROFILE_METHODS, find_method
 from registration.result import RegistrationResult
 from registration.scan import Scan
@@ -83,7 +84,7 @@ def run_profiles(
     if rows is None:
         rows = measure(trials, make_executor)
         _keep(experiment, trials, rows, folder)
-    tables = profile_tables(experiment, rows)
+    tables = [*profile_tables(experiment, rows), *sensing_tables(trials)]
     write_tables(tables, folder / "tables")
     draw_profiles(experiment, trials, rows, folder / "figures")
     return tables, folder

@@ -10,7 +10,6 @@ from typing import Any
 
 import pandas as pd
 
-from harness.card import card_table
 from harness.choices import installed_methods
 from harness.config import dump_yaml, load_experiment, overridden_mapping
 from harness.face_gaps import FaceGaps
@@ -30,10 +29,10 @@ from harness.table_files import Table, write_tables
 from harness.tables import all_tables
 from harness.trials import Trial, TrialSpec, build_trials
 from harness.variants import variant_tables
-from harness.view_tables import arm_table
+from harness.view_tables import sensing_tables
 
 # Tables that the terminal does not show.
-QUIET = ("curves", "arm", "sensor_card")
+QUIET = ("curves",)
 
 
 @dataclass(frozen=True)
@@ -176,10 +175,8 @@ def report(session: Session) -> list[Table]:
         findings = find(session.experiment, rows)
         draw_study(findings, session.folder / "figures")
         tables = [*findings.tables, *(replace(t, quiet=True) for t in tables)]
-    sensor = session.base[0].spec.sensor
-    card = card_table(sensor.name, sensor.params)
-    tables += [table for table in (arm_table(session.base), card) if table is not None]
     tables = [replace(table, quiet=table.quiet or table.name in QUIET) for table in tables]
+    tables += sensing_tables(session.base)
     write_tables(tables, session.folder / "tables")
     return tables
 

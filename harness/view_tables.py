@@ -1,14 +1,16 @@
-"""Tables of single views: what the method compacts them to, and how the arm stood."""
+"""Tables of single views: what they are compacted to, what scanned them, how the arm stood."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.spatial.transform import RigidTransform
 
+from harness.card import card_table
 from harness.schema import Experiment
 from harness.table_files import Table
 from harness.trials import Trial, full_specs
@@ -53,6 +55,17 @@ def compaction_table(experiment: Experiment, rows: pd.DataFrame) -> Table | None
         pd.DataFrame(records),
         {"Scans": "d"} | {name.capitalize(): ".0f" for name in STAGES},
     )
+
+
+def sensing_tables(trials: Sequence[Trial]) -> list[Table]:
+    """How the arm held the sensor, where one did, and the sensor's card, where it has one.
+
+    Both are quiet: in the files and in the page, which nobody needs to see in the terminal at
+    every run.
+    """
+    sensor = trials[0].spec.sensor
+    tables = arm_table(trials), card_table(sensor.name, sensor.params)
+    return [replace(table, quiet=True) for table in tables if table is not None]
 
 
 def arm_table(trials: Iterable[Trial]) -> Table | None:

@@ -80,7 +80,9 @@ def test_the_command_answers_every_question_and_takes_its_rows_again(
         "y_against_z",
         "overlap",
         "bracket",
+        "sensor_card",
     }
+    assert "Card of the sensor" not in shown
     figures = {path.stem for path in (tmp_path / "figures").glob("*.png")}
     assert figures == {
         "rotation_error",

@@ -165,11 +165,18 @@ def test_the_command_writes_rows_tables_and_figures(
     arguments = [part for option in options for part in ("--set", option)]
     assert main([str(CONFIG), "--out", str(tmp_path / "out"), *arguments]) == 0
     assert len(pd.read_csv(tmp_path / "out" / "profiles.csv")) == 12
-    assert len(list((tmp_path / "out" / "tables").glob("*.md"))) == 3
+    tables = {path.stem for path in (tmp_path / "out" / "tables").glob("*.csv")}
+    assert {"arm", "sensor_card"} < tables
+    arm = pd.read_csv(tmp_path / "out" / "tables" / "arm.csv").set_index("View")
+    assert set(arm.index) == {"left", "right"}
+    # As far as the bracket of the config is off: the encoders do not know of it.
+    np.testing.assert_allclose(arm["Exact from encoders (mm)"], np.sqrt(27.0), atol=0.1)
     names = {path.name[:11] for path in (tmp_path / "out" / "figures").glob("*.png")}
     assert names == {f"figure_{n}" for n in ("4_04", "4_05", "4_06", "4_07", "4_08", "4_09",
                                              "6_02", "6_03")}  # fmt: skip
-    assert "Written:" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "Written:" in shown
+    assert "Card of the sensor" not in shown
 
 
 @pytest.mark.parametrize(
