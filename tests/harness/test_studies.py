@@ -11,16 +11,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from harness import choices
 from harness.config import load_experiment, validated
 from harness.config_errors import ConfigError
+from harness.execution import full_spec
 from harness.figures_page import Style
+from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
+from harness.recent import Recent
 from harness.study import Findings, draw_study, find
 from harness.study_indices import sobol_indices
 from harness.study_numbers import beyond_chance, gained_lost, outcomes
 from harness.study_schema import Study
 from harness.sweep import point_count, sweep_points
 from harness.sweep_schema import Sweep
+from registration.peers import MissingPeerError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STUDIES = sorted(f.stem for f in CONFIGS.glob("*.yaml") if "\nstudy:" in f.read_text("utf-8"))
@@ -266,3 +271,31 @@ def test_keys_that_go_along() -> None:
         validated(Sweep, data, "file")
     with pytest.raises(ConfigError, match="a is swept twice"):
         validated(Sweep, data | {"along": {"a": ["a"]}}, "file")
+
+
+def test_the_pairs_stay_those_that_were_drawn_for() -> None:
+    study = experiment("step_profiles")
+    views = set()
+    for profiles in (15, 30):
+        scan = study.scan.model_copy(update={"profiles": profiles, "step_mm": 300.0 / profiles})
+        changed = study.model_copy(update={"scan": scan, "sweep": None, "study": None})
+        trial = build_random_trials(changed, CONFIGS / "step_profiles.yaml")[0]
+        spec = full_spec(trial)
+        assert (spec.profiles, spec.step_mm) == (profiles, 300.0 / profiles)
+        views.add((spec.target, spec.source))
+    assert len(views) == 1
+
+
+def test_optional_methods_are_left_out_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str, _: Any) -> None:
+        raise MissingPeerError(f"{name} is not installed")
+
+    monkeypatch.setattr(choices, "check_installed", missing)
+    methods = experiment("leaderboard").methods
+    kept, reasons = choices.installed_methods(methods, CONFIGS / "leaderboard.yaml")
+    assert {method.name for method in kept} == {"gauss_sphere", "thesis"}
+    assert len(kept) + len(reasons) == len(methods)
+    assert "RANSAC is left out: open3d_ransac is not installed" in reasons
+    needed = tuple(method.model_copy(update={"optional": False}) for method in methods)
+    with pytest.raises(ConfigError, match="open3d_ransac is not installed"):
+        choices.chosen_methods(needed, CONFIGS / "leaderboard.yaml", Recent(20))
