@@ -93,8 +93,9 @@ def rehearse_discussion(
     """What a run would do, in lines; writes nothing. Raises ConfigError."""
     experiment, asked = load_discussion(path, overrides, seed)
     folder = folder or Path("results") / path.stem
-    missing = len(_missing(_performed(asked), folder))
-    number = len(_performed(asked))
+    performed = _performed(asked)
+    missing = len(_missing(performed, folder))
+    number = len({a.trial.id for a in performed})  # two questions may ask for the same trial
     return [
         f"{experiment.title}: {number} trials, {missing} of them to compute, at some 0.2 s each on "
         "one core; rotations are turned and figures drawn in half a minute",

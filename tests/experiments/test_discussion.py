@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -60,6 +61,11 @@ def test_the_command_answers_every_question_and_takes_its_rows_again(
         options += ["--set", change]
     assert main([*options, "--report-only"]) == 2
     assert "lacks" in capsys.readouterr().err
+    # The stages ask for the bracket as it is, too: one trial, for both.
+    assert main([*options, "--set", "bracket.times=[0, 1]", "--dry-run"]) == 0
+    count = re.search(r"(\d+) trials, (\d+) of them to compute", capsys.readouterr().out)
+    assert count is not None
+    assert count[1] == count[2]
     assert not any(tmp_path.iterdir())
     used: list[int] = []
 
