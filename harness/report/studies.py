@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from harness.random_groups import within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.sweep_tables import PREFIX, short_names, swept_keys
+
+SPREADS = {"deg": "rotation_error_deg", "mm": "translation_error_mm", "ms": "ms_registration"}
 
 
 def study(rows: pd.DataFrame, design: str) -> dict[str, Any]:
@@ -21,27 +25,34 @@ def study(rows: pd.DataFrame, design: str) -> dict[str, Any]:
     """
     keys = swept_keys(rows)
     names = short_names(keys)
-    known = rows[rows["given"] == ""]
+    known = rows[rows["given"] == ""].reset_index(drop=True)
     flags = {"fine": within(known, FINE), "coarse": within(known, COARSE)}
     known = known.assign(**flags)
+    by_point = known.groupby(["sweep.point", "method"], sort=False)
+    places = by_point.ngroup().to_numpy(np.int64)
+    counts = np.bincount(places)
+    rights = {name: np.bincount(places, known[name]).astype(int) for name in flags}
+    good = known["coarse"].to_numpy()
+    spreads = {
+        short: _quartiles(known.loc[good & known[column].notna().to_numpy(), column], places)
+        for short, column in SPREADS.items()
+        if column in known
+    }
+    ids = known["id"].groupby(places).agg(list)
+    shares = functools.cache(wilson_interval)
     points = []
-    for (_, method), group in known.groupby(["sweep.point", "method"], sort=False):
-        first = group.iloc[0]
+    for place, first in enumerate(by_point.first().reset_index().to_dict("records")):
+        n = int(counts[place])
         point: dict[str, Any] = {
             "values": [_plain(first[PREFIX + key]) for key in keys],
             "varied": names.get(first["sweep.varied"], ""),
-            "method": method,
-            "n": len(group),
-            "ids": list(group["id"]),
+            "method": first["method"],
+            "n": n,
+            "ids": ids[place],
         }
-        for name in flags:
-            low, high = wilson_interval(int(group[name].sum()), len(group))
-            point[name] = [float(group[name].mean()), low, high]
-        good = group[group["coarse"]]
-        point["deg"] = _quartiles(good["rotation_error_deg"])
-        point["mm"] = _quartiles(good["translation_error_mm"])
-        if "ms_registration" in group:
-            point["ms"] = _quartiles(group["ms_registration"].dropna())
+        for name, right in rights.items():
+            point[name] = [int(right[place]) / n, *shares(int(right[place]), n)]
+        point |= {short: spread.get(place) for short, spread in spreads.items()}
         points.append(point)
     return {
         "keys": [names[key] for key in keys],
@@ -56,12 +67,16 @@ def study(rows: pd.DataFrame, design: str) -> dict[str, Any]:
     }
 
 
-def _quartiles(values: pd.Series[float]) -> list[float] | None:
-    """Median and quartiles, as drawn with their bars; None where there is nothing."""
-    if not len(values):
-        return None
-    low, middle, high = np.quantile(values.to_numpy(np.float64), [0.25, 0.5, 0.75])
-    return [float(middle), float(low), float(high)]
+def _quartiles(
+    values: pd.Series[float], places: NDArray[np.integer[Any]]
+) -> dict[int, list[float]]:
+    """By group, median and quartiles, as drawn with their bars; no entry where there is nothing."""
+    groups = values.groupby(places[values.index.to_numpy()])
+    found = groups.quantile(np.array([0.5, 0.25, 0.75])).unstack()
+    return {
+        int(place): list(three)
+        for place, three in zip(found.index, found.to_numpy().tolist(), strict=True)
+    }
 
 
 def _plain(value: object) -> float | str:
