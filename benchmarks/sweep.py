@@ -107,10 +107,8 @@ def reading(rows: int) -> tuple[float, float, float]:
         session = open_session(config(folder, "thesis"), folder, ["repeats=1"])
         example = perform(session.trials[0]).row
         (trial,) = session.trials
-        poses = [
-            RigidTransform.from_components(rng.normal(0.0, 300.0, 3), Rotation.random(rng=rng))
-            for _ in range(100)
-        ]
+        turns, shifts = Rotation.random(rows, rng=rng), rng.normal(0.0, 300.0, (rows, 3))
+        poses = RigidTransform.from_components(shifts, turns)  # each different, as in a sweep
         start = time.perf_counter()
         with Store(folder) as store:
             specs = [Trial(_Numbered(trial.spec, i), "desk", "thesis") for i in range(rows)]
@@ -119,7 +117,7 @@ def reading(rows: int) -> tuple[float, float, float]:
                 store.add_all(
                     (
                         replace(
-                            example, id=specs[i].id, status="ok", T_estimated=poses[i % 100],
+                            example, id=specs[i].id, status="ok", T_estimated=poses[i],
                             rotation_error_deg=float(i % 7), translation_error_mm=float(i % 41),
                         )
                         for i in range(begin, min(begin + 1000, rows))

@@ -17,18 +17,14 @@ from harness.pool import MakeExecutor
 from harness.provenance import code_fingerprint, run_facts
 from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
-from harness.random_tables import random_tables
 from harness.report.folder import FOLDER as RECORDS
 from harness.resolved import resolved_config, with_defaults
 from harness.runner import Done, Task, run
 from harness.schema import Experiment
 from harness.store import Store, StoreError, load
-from harness.sweep_tables import sweep_table
 from harness.swept_trials import build_swept_trials
 from harness.table_files import Table, write_tables
-from harness.tables import all_tables
 from harness.trials import Trial, TrialSpec, build_trials
-from harness.variants import variant_tables
 from harness.view_tables import sensing_tables
 
 # Tables that the terminal does not show.
@@ -154,6 +150,12 @@ def report(session: Session) -> list[Table]:
     The card of the sensor, how the arm stood and the points of the curves are quiet: in the files
     and in the page, which nobody needs to see in the terminal at every run.
     """
+    # They bring scipy.stats, which a run needs only when its last trial has ended.
+    from harness.random_tables import random_tables
+    from harness.sweep_tables import sweep_table
+    from harness.tables import all_tables
+    from harness.variants import variant_tables
+
     rows = load(session.folder, arrays=session.experiment.sweep is None)
     if rows.empty:
         raise StoreError(f"{session.folder} has no row of this configuration; run it first")

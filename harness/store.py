@@ -177,14 +177,23 @@ class Store:
             row.rotation_error_deg, row.translation_error_mm,
             row.overlap_target, row.overlap_source, packed(row.bounds),
             packed(row.covariance), packed(row.undetermined),
-            json.dumps(list(row.counts)), packed(list(row.counts.values())),
+            self._number_of(connection, row.counts), packed(list(row.counts.values())),
         )  # fmt: skip
         marks = ", ".join("?" * len(values))
         connection.execute(f"INSERT OR REPLACE INTO trials VALUES ({marks})", values)
+        stages = self._number_of(connection, row.stage_ms)
         connection.execute(
             "INSERT OR REPLACE INTO timings VALUES (?, ?, ?, ?)",
-            (row.id, code, json.dumps(list(row.stage_ms)), packed(list(row.stage_ms.values()))),
+            (row.id, code, stages, packed(list(row.stage_ms.values()))),
         )
+
+    def _number_of(self, connection: sqlite3.Connection, names: Iterable[str]) -> int:
+        """The number of a list of names; rows of one method share theirs."""
+        text = json.dumps(list(names))
+        connection.execute("INSERT OR IGNORE INTO names (text) VALUES (?)", (text,))
+        query = "SELECT number FROM names WHERE text = ?"
+        (number,) = connection.execute(query, (text,)).fetchone()
+        return int(number)
 
     def _shortened(self, connection: sqlite3.Connection, spec: str) -> str:
         """A spec with the hashes of its larger parts in their place; the parts are kept once."""

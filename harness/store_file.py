@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 FILE_NAME = "trials.sqlite"
 LOCK_NAME = "trials.lock"
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 
 FloatArray = NDArray[np.float64]
 
@@ -36,18 +36,23 @@ CREATE TABLE trials (
     bounds BLOB,
     covariance BLOB,
     undetermined BLOB,
-    count_names TEXT NOT NULL,
+    count_names INTEGER NOT NULL REFERENCES names (number),
     counts BLOB NOT NULL
 ) STRICT;
 CREATE TABLE parts (
     hash TEXT PRIMARY KEY,
     text TEXT NOT NULL
 ) STRICT;
+-- Lists of names, as JSON: of the counts and of the stages that a row has.
+CREATE TABLE names (
+    number INTEGER PRIMARY KEY,
+    text TEXT NOT NULL UNIQUE
+) STRICT;
 -- Apart from the rows: two runs give the same rows bit for bit, never the same times.
 CREATE TABLE timings (
     id TEXT PRIMARY KEY REFERENCES trials (id),
     code TEXT NOT NULL,
-    stage_names TEXT NOT NULL,
+    stage_names INTEGER NOT NULL REFERENCES names (number),
     stage_ms BLOB NOT NULL
 ) STRICT;
 -- What the present configuration asks for: rows of earlier ones stay and are never mixed in.

@@ -33,6 +33,7 @@ ARRAYS: dict[str, tuple[int, ...]] = {
 COUNTS, TIMES = "n_", "ms_"
 PART = re.compile(r'\{"part":"([0-9a-f]{16})"\}')
 KINDS = ("exact", "theoretical", "estimated", "error")  # of the six parameters, by column
+FETCHED = 20_000  # rows at a time
 
 
 def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.DataFrame:
@@ -55,10 +56,12 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
     with contextlib.closing(connect(path)) as connection, telling(path):
         run = _columns(connection, "SELECT id, pair, method, given, repeat, point FROM run "
                        "ORDER BY position")  # fmt: skip
-        wanted = ["id", "status", "reason", "traceback", *NUMBERS, "count_names", "counts", *POSES]
+        wanted = ["id", "status", "reason", *NUMBERS, "count_names", "counts", *POSES]
         wanted += [*(ARRAYS if arrays else ()), *(["spec"] if specs else ())]
         rows = _columns(connection, f"SELECT {', '.join(wanted)} FROM trials")
+        failed = dict(connection.execute("SELECT id, traceback FROM trials WHERE traceback != ''"))
         times = _columns(connection, "SELECT id, stage_names, stage_ms FROM timings")
+        names = dict(connection.execute("SELECT number, text FROM names"))
         parts = dict(connection.execute("SELECT hash, text FROM parts")) if specs else {}
         points = _columns(connection, "SELECT point, varied, shown FROM points ORDER BY point")
         keys = [key for (key,) in connection.execute("SELECT key FROM swept ORDER BY position")]
@@ -67,10 +70,12 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
     rows = {name: column[place[place >= 0]] for name, column in rows.items()}
     of_time = pd.Index(times["id"]).get_indexer(pd.Index(run["id"]))
     poses = {name: rows[name] for name in POSES}
-    frame = pd.DataFrame({name: run[name] for name in ("id", "pair", "method", "given")})
+    texts = {name: _texts(run[name]) for name in ("pair", "method", "given")}
+    frame = pd.DataFrame({"id": run["id"]} | texts)
     frame["repeat"] = run["repeat"].astype(np.int64)
-    for name in ("status", "reason", "traceback"):
-        frame[name] = rows[name]
+    for name in ("status", "reason"):
+        frame[name] = _texts(rows[name])
+    frame["traceback"] = frame["id"].map(failed).fillna("") if failed else ""
     blocks = [frame, _points(run["point"], points, keys)]
     if specs:
         full = [_full_spec(spec, parts) for spec in rows["spec"]]
@@ -80,8 +85,9 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
         shapes = POSES | ARRAYS
         columns = {name: unpacked(list(rows[name]), shape) for name, shape in shapes.items()}
         blocks.append(pd.DataFrame(columns, dtype=object))
-    blocks.append(_spread(COUNTS, rows["count_names"], rows["counts"]))
-    blocks.append(_spread(TIMES, times["stage_names"][of_time], times["stage_ms"][of_time]))
+    blocks.append(_spread(COUNTS, rows["count_names"], rows["counts"], names))
+    times = {name: column[of_time] for name, column in times.items()}
+    blocks.append(_spread(TIMES, times["stage_names"], times["stage_ms"], names))
     blocks.append(_parameters(poses))
     return pd.concat(blocks, axis=1)
 
@@ -90,11 +96,16 @@ def _columns(connection: sqlite3.Connection, query: str) -> dict[str, NDArray[np
     """What a query finds, column by column."""
     cursor = connection.execute(query)
     names = [name for name, *_ in cursor.description]
-    found = list(zip(*cursor, strict=True)) or [()] * len(names)
-    columns = {name: np.empty(len(found[0]), dtype=object) for name in names}
-    for column, values in zip(columns.values(), found, strict=True):
-        column[:] = values
-    return columns
+    blocks = [np.empty((0, len(names)), dtype=object)]
+    while fetched := cursor.fetchmany(FETCHED):
+        blocks.append(np.array(fetched, dtype=object))
+    return {name: np.concatenate([b[:, i] for b in blocks]) for i, name in enumerate(names)}
+
+
+def _texts(column: NDArray[np.object_]) -> pd.Series:
+    """A column of few different texts; pandas looks at each of them once, not at every row."""
+    numbers, different = pd.factorize(column)
+    return pd.Series(different).take(numbers).reset_index(drop=True)
 
 
 def _points(
@@ -113,17 +124,22 @@ def _points(
     return pd.DataFrame(columns)
 
 
-def _spread(prefix: str, names: NDArray[np.object_], blobs: NDArray[np.object_]) -> pd.DataFrame:
+def _spread(
+    prefix: str,
+    listings: NDArray[np.object_],
+    blobs: NDArray[np.object_],
+    texts: dict[int, str],
+) -> pd.DataFrame:
     """Numbers that rows hold under names of their own, a column for each name."""
     columns: dict[str, FloatArray] = {}
     # In the order in which they first occur, as the stages of a method follow each other.
-    kind_of, kinds = pd.factorize(names)
-    for kind, text in enumerate(kinds):
+    kind_of, kinds = pd.factorize(listings)
+    for kind, number in enumerate(kinds):
         which = np.flatnonzero(kind_of == kind)
-        listed = json.loads(text)
+        listed = json.loads(texts[number])
         numbers = np.frombuffer(b"".join(blobs[which])).reshape(len(which), len(listed))
         for index, name in enumerate(listed):
-            column = columns.setdefault(prefix + name, np.full(len(names), np.nan))
+            column = columns.setdefault(prefix + name, np.full(len(listings), np.nan))
             column[which] = numbers[:, index]
     whole = prefix == COUNTS
     return pd.DataFrame(
@@ -131,7 +147,7 @@ def _spread(prefix: str, names: NDArray[np.object_], blobs: NDArray[np.object_])
             name: column.astype(np.int64) if whole and np.isfinite(column).all() else column
             for name, column in columns.items()
         },
-        index=range(len(names)),
+        index=range(len(listings)),
     )
 
 
@@ -142,12 +158,13 @@ def _parameters(poses: dict[str, NDArray[np.object_]]) -> pd.DataFrame:
     ]
     values = {}
     for kind in KINDS[:3]:
-        blobs = poses[f"T_{kind}"]
-        values[kind] = np.full((len(blobs), 6), np.nan)
-        there = np.array([blob is not None for blob in blobs], dtype=bool)
-        if there.any():
-            matrices = stacked(list(blobs), (4, 4))
-            values[kind][there] = six_parameters(RigidTransform.from_matrix(matrices))
+        # Trials of one pair share their exact pose: each different one is converted once.
+        numbers, different = pd.factorize(poses[f"T_{kind}"])  # no pose: -1, the last
+        values[kind] = np.full((len(different) + 1, 6), np.nan)
+        if len(different):
+            matrices = stacked(list(different), (4, 4))
+            values[kind][:-1] = six_parameters(RigidTransform.from_matrix(matrices))
+        values[kind] = values[kind][numbers]
     values["error"] = parameter_errors(values["exact"], values["estimated"])
     return pd.DataFrame(
         {f"{kind}_{name}": values[kind][:, i] for kind in KINDS for i, name in enumerate(names)}
