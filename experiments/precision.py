@@ -131,6 +131,14 @@ def measure(experiment: PrecisionExperiment, params: JupiterParams) -> Measureme
     return Measurements(params, experiment.raw_depths_mm, told, scans[1])
 
 
+def calibrate(
+    experiment: PrecisionExperiment, measured: Measurements, measured_by: str = ""
+) -> Calibration:
+    """The calibration from these measurements, on a bench that knows how well it places targets."""
+    targets = list(measured.targets.values())
+    return fit_calibration(targets, measured_by, experiment.placement_mm, experiment.placement_deg)
+
+
 def run_precision(
     path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
 ) -> tuple[list[Table], Path]:
@@ -144,7 +152,7 @@ def run_precision(
     measured = measure(experiment, params)
     command = f"run-experiment configs/{path.name}, seed {experiment.seed}"
     try:
-        calibration = fit_calibration(list(measured.targets.values()), command)
+        calibration = calibrate(experiment, measured, command)
     except ValueError as error:
         raise ConfigError(path, ("turns_deg",), str(error)) from None
     tables = [

@@ -18,6 +18,7 @@ from registration.local_planes import local_planes
 from registration.scan import FloatArray, IntArray, Scan
 
 FORMAT, VERSION = "profile scanner calibration", 1
+KNOWN_TO_MM = 0.1
 PASSES = 8  # a biased surface is inclined by its bias: find the inclination that explains both
 
 
@@ -69,6 +70,9 @@ class Calibration:
         material.
     measured_by: how the file was made, for people.
     rms_mm: what each form left of the bias, and what there was without one.
+    known_to_mm: how well the bias is known, as a standard deviation: what the noise and the bench,
+        which does not know exactly where its targets stand, leave open (of a file that does not
+        say: 0.1).
     """
 
     form: Literal["incidence", "lateral"]
@@ -77,6 +81,7 @@ class Calibration:
     sigma: Table
     measured_by: str = ""
     rms_mm: dict[str, float] = field(default_factory=dict)
+    known_to_mm: float = KNOWN_TO_MM
 
     def bias_mm(
         self, depth_mm: ArrayLike, slope: ArrayLike, cos_incidence: ArrayLike
@@ -157,6 +162,7 @@ class Calibration:
             "version": VERSION,
             "measured_by": self.measured_by,
             "rms_mm": {name: round(value, 4) for name, value in self.rms_mm.items()},
+            "known_to_mm": round(self.known_to_mm, 4),
             "apex_mm": np.round(self.apex_mm, 3).tolist(),
             "bias": {"form": self.form, **_written(self.bias, second)},
             "sigma": _written(self.sigma, "tangent_of_incidence"),
@@ -196,8 +202,12 @@ def _parsed(data: Any) -> Calibration:
     apex_mm = _numbers(data, "apex_mm", "apex_mm", 1)
     if apex_mm.shape != (3,):
         raise CalibrationError("apex_mm: expected three coordinates")
+    known_to_mm = data.get("known_to_mm", KNOWN_TO_MM)
+    if not isinstance(known_to_mm, int | float) or not 0.0 <= known_to_mm < np.inf:
+        raise CalibrationError(f"known_to_mm: is {known_to_mm!r}; expected a number from 0 up")
+    measured_by = str(data.get("measured_by", ""))
     return Calibration(
-        form, apex_mm, bias_table, sigma_table, str(data.get("measured_by", "")), dict(rms_mm)
+        form, apex_mm, bias_table, sigma_table, measured_by, dict(rms_mm), float(known_to_mm)
     )
 
 

@@ -8,11 +8,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy import sparse
-from scipy.sparse.linalg import spsolve
 
-from registration.calibration import Calibration, Table, cell
-from registration.scan import FloatArray, Scan
+from registration.calibration import Calibration, Table
+from registration.scan import FloatArray, IntArray, Scan
+from registration.table_fit import FittedTable, Nuisance, fitted_table
 
 APART_MM, MOST_DEPTHS = 30.0, 16  # distances closer than that are one; beyond 16, even steps
 BINS = 10
@@ -21,9 +20,8 @@ MARGIN_MM = 10.0  # beyond the nearest and the farthest target
 TANGENTS = np.array([*np.linspace(0.0, 0.26, 14), 0.32, 0.40, 0.55, 0.80, 1.2, 1.8, 3.0])
 SIGMA_TANGENTS = np.array([0.0, 0.25, 0.6, 1.0, 1.6, 2.4, 3.5])
 SLOPES = 27
-# Weight of a table's second differences beside the data: it fills nodes where nothing was measured.
-STIFFNESS, SIGMA_STIFFNESS = 1e-5, 1e-3
-ALONG_DEPTH = 30.0  # how much more it weighs along depth, where the bias changes more evenly
+SIGMA_STIFFNESS = 1e-3  # noise changes more evenly than bias
+PASSES = 3  # of the bias: its table goes by the measured depth, which the bias shifts
 
 
 @dataclass(frozen=True)
@@ -40,16 +38,32 @@ class TargetScan:
 
 @dataclass(frozen=True)
 class _Samples:
-    """Every measured point: depth, slope of its beam, tangent of incidence, error (n,)."""
+    """Every measured point (n,): depth, slope of its beam, tangent of incidence, error.
+
+    target: number of its target. misplaced: (n, 3) what a mm and two radians, by which the target
+    stood elsewhere than told, add to the error.
+    """
 
     depth_mm: FloatArray
     slope: FloatArray
     tangent: FloatArray
     error_mm: FloatArray
+    target: IntArray
+    misplaced: FloatArray
 
 
-def fit_calibration(targets: Sequence[TargetScan], measured_by: str = "") -> Calibration:
+def fit_calibration(
+    targets: Sequence[TargetScan],
+    measured_by: str = "",
+    placement_mm: float = 0.0,
+    placement_deg: float = 0.0,
+) -> Calibration:
     """Fit bias and noise to scans of a flat target.
+
+    placement_mm, placement_deg: how well the bench knows where a target stood, as standard
+        deviations of its distance where it crosses Z and of its turn about either axis in its
+        plane. What each target stood off is found together with the bias: the shape of a bias
+        does not look like a plane elsewhere, and tilted targets join one distance to the next.
 
     A target parallel to Y at several distances shows the bias, but not what it depends on: there
     the tangent of the incidence and the slope of the beam are equal. At least one tilted set is
@@ -68,19 +82,17 @@ def fit_calibration(targets: Sequence[TargetScan], measured_by: str = "") -> Cal
     tangents = TANGENTS[: np.searchsorted(TANGENTS, samples.tangent.max()) + 1]
     spread_law = _spread_law(samples)
     scale = spread_law(samples.depth_mm)
-    tables = {
-        "incidence": _fitted(
-            samples.depth_mm, samples.tangent, samples.error_mm, scale, depths_mm, tangents
-        ),
-        "lateral": _fitted(
-            samples.depth_mm, samples.slope, samples.error_mm, scale, depths_mm, slopes
-        ),
-    }
-    left = {
-        "incidence": samples.error_mm
-        - tables["incidence"].value(samples.depth_mm, samples.tangent),
-        "lateral": samples.error_mm - tables["lateral"].value(samples.depth_mm, samples.slope),
-    }
+    deviation = np.array([placement_mm, np.deg2rad(placement_deg), np.deg2rad(placement_deg)])
+    free = deviation > 0.0
+    nuisance = Nuisance(samples.target, samples.misplaced[:, free], deviation[free])
+    fits, left = {}, {}
+    for name, at, nodes in (
+        ("incidence", samples.tangent, tangents),
+        ("lateral", samples.slope, slopes),
+    ):
+        fits[name], left[name] = _bias_table(
+            samples, at, scale, depths_mm, nodes, nuisance if free.any() else None
+        )
     # In units of the noise: far scans are noisier, and would drown what near ones tell.
     misfit = {name: float(np.mean((r / scale) ** 2)) for name, r in left.items()}
     form: Literal["incidence", "lateral"] = (
@@ -91,7 +103,31 @@ def fit_calibration(targets: Sequence[TargetScan], measured_by: str = "") -> Cal
         for name, r in {"uncorrected": samples.error_mm, **left}.items()
     }
     sigma = _noise_table(samples, left[form], spread_law, depths_mm)
-    return Calibration(form, apex_mm, tables[form], sigma, measured_by, rms_mm)
+    known_to_mm = float(np.median(fits[form].deviation_mm))
+    return Calibration(form, apex_mm, fits[form].table, sigma, measured_by, rms_mm, known_to_mm)
+
+
+def _bias_table(
+    samples: _Samples,
+    at: FloatArray,
+    scale: FloatArray,
+    depths_mm: FloatArray,
+    nodes: FloatArray,
+    nuisance: Nuisance | None,
+) -> tuple[FittedTable, FloatArray]:
+    """The bias over measured depth and `at`, and what it and the placements leave of each error.
+
+    Fitted at the depth that a point without noise would have shown: at its own, noise that made a
+    point deeper would count as bias of deeper points, and over tilted targets that adds up.
+    """
+    depth_mm = samples.depth_mm
+    for _ in range(PASSES):
+        fit = fitted_table(
+            depth_mm, at, samples.error_mm, scale, depths_mm, nodes, nuisance=nuisance
+        )
+        left_mm = samples.error_mm - fit.nuisance - fit.table.value(depth_mm, at)
+        depth_mm = samples.depth_mm - left_mm
+    return fit, left_mm
 
 
 def _noise_table(
@@ -104,10 +140,10 @@ def _noise_table(
     nodes = SIGMA_TANGENTS[: np.searchsorted(SIGMA_TANGENTS, samples.tangent.max()) + 1]
     # Relative to the first idea: that varies little, and stays above 0 in between.
     ratio = np.clip(residual_mm / spread_law(samples.depth_mm), -5.0, 5.0) ** 2
-    table = _fitted(
+    table = fitted_table(
         samples.depth_mm, samples.tangent, ratio, np.ones(len(ratio)), depths_mm, nodes,
         SIGMA_STIFFNESS,
-    )  # fmt: skip
+    ).table  # fmt: skip
     factor = np.sqrt(np.maximum(table.value_mm, 0.01))
     return Table(depths_mm, nodes, spread_law(depths_mm)[:, None] * factor)
 
@@ -143,22 +179,24 @@ def _samples(targets: Sequence[TargetScan], apex_mm: FloatArray) -> tuple[_Sampl
 
     Tables have their nodes at these depths: in between, targets without tilt show nothing.
     """
-    columns, middles_mm = [], []
-    for target in targets:
+    columns, middles_mm, misplaced, numbers = [], [], [], []
+    for number, target in enumerate(targets):
         valid = target.scan.valid
         points_mm = target.scan.in_profiles_mm[valid]
         reach_mm = points_mm[:, 2] - apex_mm[2]
         slope = (points_mm[:, 1] - apex_mm[1]) / reach_mm
+        beams = np.stack([np.zeros_like(slope), slope, np.ones_like(slope)], axis=1)
         origins_mm = target.scan.origins_mm[np.nonzero(valid)[0]]
-        apexes = (
-            origins_mm + [1.0, 0.0, 0.0] * points_mm + apex_mm * [0.0, 1.0, 1.0]
-        ) @ target.normal
-        ahead = target.normal[1] * slope + target.normal[2]
-        true_mm = (target.offset_mm - apexes) / ahead
+        apexes_mm = origins_mm + [1.0, 0.0, 0.0] * points_mm + apex_mm * [0.0, 1.0, 1.0]
+        ahead = beams @ target.normal
+        true_mm = (target.offset_mm - apexes_mm @ target.normal) / ahead
         cosine = np.abs(ahead) / np.sqrt(1.0 + slope**2)
         tangent = np.sqrt(np.maximum(1.0 / cosine**2 - 1.0, 0.0))
         middles_mm.append(np.median(true_mm))
         columns.append(np.stack([points_mm[:, 2], slope, tangent, reach_mm - true_mm]))
+        met_mm = apexes_mm + true_mm[:, None] * beams
+        misplaced.append(_misplaced(target, met_mm) / ahead[:, None])
+        numbers.append(np.full(len(slope), number))
     samples = np.concatenate(columns, axis=1)
     # By the true depth: a cut by the measured one would keep errors of one sign.
     true_mm = samples[0] - samples[3] - apex_mm[2]  # from the apex, as the middles
@@ -170,7 +208,24 @@ def _samples(targets: Sequence[TargetScan], apex_mm: FloatArray) -> tuple[_Sampl
         depths_mm = np.linspace(depths_mm[0], depths_mm[-1], MOST_DEPTHS)
     if len(depths_mm) < 2:
         raise ValueError("all targets stand at one distance; a calibration needs two at least")
-    return _Samples(*samples[:, inside]), depths_mm
+    of_target, effects = np.concatenate(numbers)[inside], np.concatenate(misplaced)[inside]
+    depth_mm, slope, tangent, error_mm = samples[:, inside]
+    return _Samples(depth_mm, slope, tangent, error_mm, of_target, effects), depths_mm
+
+
+def _misplaced(target: TargetScan, met_mm: FloatArray) -> FloatArray:
+    """(n, 3) how far the target moves along its normal at the points met (n, 3).
+
+    By a unit of its distance, and of its turns about either axis in its plane through the point
+    where it crosses Z.
+    """
+    normal = target.normal
+    from_middle_mm = met_mm - [0.0, 0.0, target.offset_mm / normal[2]]
+    across = np.cross(normal, [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    lever_mm = np.cross(from_middle_mm, normal)
+    turns = [lever_mm @ across, lever_mm @ np.cross(normal, across)]
+    return np.stack([np.ones(len(met_mm)), *turns], axis=1)
 
 
 def _spread_law(samples: _Samples) -> Callable[[FloatArray], FloatArray]:
@@ -197,48 +252,3 @@ def _spread_law(samples: _Samples) -> Callable[[FloatArray], FloatArray]:
         return value
 
     return spread_mm
-
-
-def _fitted(
-    depth_mm: FloatArray,
-    at: FloatArray,
-    value: FloatArray,
-    scale: FloatArray,
-    depths_mm: FloatArray,
-    nodes: FloatArray,
-    stiffness: float = STIFFNESS,
-) -> Table:
-    """The bilinear table nearest to scattered values (n,), each weighted by 1 / scale^2."""
-    rows, columns = len(depths_mm), len(nodes)
-    row, row_share = cell(depths_mm, depth_mm)
-    column, column_share = cell(nodes, at)
-    corners = [(i, j) for i in (0, 1) for j in (0, 1)]
-    index = np.concatenate([(row + i) * columns + column + j for i, j in corners])
-    share = np.concatenate(
-        [
-            (row_share if i else 1.0 - row_share) * (column_share if j else 1.0 - column_share)
-            for i, j in corners
-        ]
-    )
-    points = np.tile(np.arange(len(value)), 4)
-    matrix = sparse.csr_matrix(
-        (share / np.tile(scale, 4), (points, index)), shape=(len(value), rows * columns)
-    )
-    normal = matrix.T @ matrix
-    weight = stiffness * float(normal.diagonal().mean())
-    along_depth = sparse.kron(_second_differences(depths_mm), sparse.identity(columns))
-    along_at = sparse.kron(sparse.identity(rows), _second_differences(nodes))
-    for factor, bending in ((ALONG_DEPTH, along_depth), (1.0, along_at)):
-        normal = normal + factor * weight * (bending.T @ bending)
-    found = spsolve(normal.tocsc(), matrix.T @ (value / scale))
-    return Table(depths_mm, nodes, np.asarray(found).reshape(rows, columns))
-
-
-def _second_differences(nodes: FloatArray) -> sparse.csr_matrix:
-    """Change of the slope from node to node, as if nodes were a unit apart on average."""
-    if len(nodes) < 3:
-        return sparse.csr_matrix((1, len(nodes)))
-    inverse = np.diff(nodes).mean() / np.diff(nodes)
-    before, after = inverse[:-1], inverse[1:]
-    shape = (len(nodes) - 2, len(nodes))
-    return sparse.diags([before, -before - after, after], [0, 1, 2], shape=shape).tocsr()

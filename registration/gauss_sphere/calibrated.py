@@ -42,6 +42,7 @@ class Known(NamedTuple):
         else with the tangent of the incidence, as the standard deviation always does.
     by_tangent: the standard deviation, and the bias unless it is lateral; by_slope: the bias if so.
     sigma_scale: noise of the scan over that of the calibration's target.
+    known_to_mm: how well the bias is known: planes are trusted no better.
     """
 
     given: bool
@@ -49,6 +50,7 @@ class Known(NamedTuple):
     by_tangent: EvenTable
     by_slope: EvenTable
     sigma_scale: float
+    known_to_mm: float
 
 
 def known_of(calibration: Calibration) -> Known:
@@ -57,7 +59,7 @@ def known_of(calibration: Calibration) -> Known:
     lateral = calibration.form == "lateral"
     by_tangent = _even(sigma, sigma) if lateral else _even(sigma, bias)
     by_slope = _even(bias, bias) if lateral else _NO_TABLE
-    return Known(True, lateral, by_tangent, by_slope, 1.0)
+    return Known(True, lateral, by_tangent, by_slope, 1.0, calibration.known_to_mm)
 
 
 def _even(*tables: Table) -> EvenTable:
@@ -74,7 +76,7 @@ def _even(*tables: Table) -> EvenTable:
 
 
 _NO_TABLE = EvenTable(np.zeros(2), np.ones(2), np.zeros((2, 2, 2)))
-NOTHING_KNOWN = Known(False, False, _NO_TABLE, _NO_TABLE, 1.0)
+NOTHING_KNOWN = Known(False, False, _NO_TABLE, _NO_TABLE, 1.0, 0.0)
 
 
 @lru_cache(maxsize=8)

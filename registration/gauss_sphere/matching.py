@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from registration.gauss_sphere.params import (
-    GaussSphereParams,
-)
+from registration.gauss_sphere.calibrated import read_known
+from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.refine import (
     ROUGHLY,
@@ -114,9 +113,8 @@ def settle_best(
         decision.distinct_mm,
         middle(source.patches),
     )
-    floors_mm = np.asarray(params.refine.floors_mm)
-    if params.calibration:
-        floors_mm = np.unique(np.maximum(floors_mm, params.refine.calibrated_floor_mm))
+    known_to_mm = read_known(params.calibration).known_to_mm
+    floors_mm = np.unique(np.maximum(params.refine.floors_mm, known_to_mm))
     found, kept = _settle_best(
         target,
         source,

@@ -109,10 +109,9 @@ class RefineParams:
 
     rounds: most steps; tail: squared distance at which a pair's pull is halved.
     floors_mm: systematic errors of a plane's offset to try, smallest first, with floor_lever_mm:
-        distance over which they are its tilt; the smallest is taken under which consistent_share
-        of the matched area has a squared distance below consistent_distance2.
-    calibrated_floor_mm: none smaller is tried with a calibration, which knows the bias no better
-        than its bench knew the places of its targets (configs/precision.yaml: 0.1 mm).
+        distance over which they are its tilt; with a calibration none below how well it knows the
+        bias. The smallest is taken under which consistent_share of the matched area has a squared
+        distance below consistent_distance2.
     capped_distance2: squared distances count up to this when the covariance is made to agree with
         them; widest_mm: largest systematic error that it is given.
     """
@@ -123,7 +122,6 @@ class RefineParams:
     floor_lever_mm: float = 150.0
     consistent_distance2: float = 14.0
     consistent_share: float = 0.6
-    calibrated_floor_mm: float = 0.1
     capped_distance2: float = 25.0
     widest_mm: float = 30.0
 

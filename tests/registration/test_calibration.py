@@ -10,6 +10,7 @@ import pytest
 from registration.calibration import Calibration, CalibrationError, Table, read_calibration
 from registration.calibration_fit import TargetScan, beam_apex_mm, fit_calibration
 from registration.scan import FloatArray, Scan
+from sensors.target_scans import as_told
 
 APEX_MM = np.array([0.0, 12.0, -45.0])
 SLOPES = np.linspace(-0.22, 0.22, 96)
@@ -149,12 +150,35 @@ def test_a_calibration_needs_distances_and_a_tilt() -> None:
         fit_calibration([_target(500.0, (0.0, 0.0), "incidence", noise=0.0)])
 
 
+def test_targets_that_stood_elsewhere_than_told_cost_little_when_the_bench_is_known() -> None:
+    def error_mm(calibration: Calibration) -> float:
+        depth_mm, tangent = np.linspace(330.0, 1070.0, 9)[:, None], np.linspace(0.0, 0.6, 41)
+        fitted = calibration.bias_mm(depth_mm, 0.0, 1.0 / np.sqrt(1.0 + tangent**2))
+        return float(np.sqrt(np.mean((fitted - _bias(depth_mm, tangent)) ** 2)))
+
+    told_mm, told_deg = 0.5, 0.05
+    ignored, found, known = [], [], []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        told = [as_told(target, told_mm, told_deg, rng) for target in _targets("incidence")]
+        ignored.append(error_mm(fit_calibration(told)))
+        calibration = fit_calibration(told, "", told_mm, told_deg)
+        found.append(error_mm(calibration))
+        known.append(calibration.known_to_mm)
+    assert np.all(np.less(found, ignored))
+    assert np.mean(found) < 0.7 * np.mean(ignored)
+    # What it says of itself is about what it is off by: 5 benches tell a deviation to a third.
+    assert 0.5 * np.mean(found) < np.mean(known) < 2.0 * np.mean(found)
+    assert FITTED["incidence"].known_to_mm < 0.2 * np.mean(known)
+
+
 def test_writing_and_reading_give_the_same_calibration(tmp_path: Path) -> None:
     for form, calibration in FITTED.items():
         calibration.write(tmp_path / "c.json")
         again = read_calibration(tmp_path / "c.json")
         assert (again.form, again.measured_by) == (form, "a test")
         assert again.rms_mm == pytest.approx(calibration.rms_mm, abs=1e-4)
+        assert again.known_to_mm == pytest.approx(calibration.known_to_mm, abs=1e-4)
         depth_mm, slope = np.linspace(200.0, 1300.0, 30)[:, None], np.linspace(-0.3, 0.3, 20)
         for table in ("bias", "sigma"):
             one, two = (getattr(c, table).value(depth_mm, slope) for c in (calibration, again))
@@ -171,6 +195,7 @@ def _without(key: str) -> Callable[[dict], object]:
         (lambda data: data.update(format="a map"), "format: should be 'profile scanner calib"),
         (lambda data: data.update(version=9), "version: is 9; this program reads 1"),
         (_without("bias"), "bias: is missing"),
+        (lambda data: data.update(known_to_mm=-1), "known_to_mm: is -1; expected a number from 0"),
         (_without("apex_mm"), "apex_mm: is missing"),
         (lambda data: data.update(apex_mm=[1, 2]), "apex_mm: expected three coordinates"),
         (lambda data: data["bias"].update(form="both"), "bias.form: is 'both'; expected"),
