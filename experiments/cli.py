@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -27,6 +28,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of our output is gone, as with `| head`; the flush at exit must not fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_FAILED
+    except KeyboardInterrupt:  # before the first trial, or while tables and figures are made
+        again = shlex.join(["run-experiment", *(sys.argv[1:] if argv is None else argv)])
+        print(f"\nInterrupted: finished trials are kept. To go on: {again}", file=sys.stderr)
+        return EXIT_INTERRUPTED
     return status
 
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Column
 
 from experiments.terminal import outcome, trial_name
 from harness.runner import Done
@@ -18,6 +19,7 @@ from harness.store import Row
 MOST_LINES = 500
 EVERY_S = 10.0
 SHOWN_ERRORS = 20
+WIDE = 118  # columns of a terminal that hold the words in full, beside the bar
 
 
 class Tally:
@@ -49,6 +51,12 @@ class Tally:
         """Tasks that ended in a second, on average so far."""
         return self.ended / max(time.perf_counter() - self._start, 1e-6)
 
+    @property
+    def short(self) -> str:
+        """The same in as few words as a narrow terminal needs."""
+        right = f"{self.right / self.computed:.0%} right, " if self.computed else ""
+        return f"{self.per_s:.3g}/s, {right}{self.unanswered} unanswered, {self.errors} errors"
+
     def __str__(self) -> str:
         """How fast and how well it goes."""
         parts = [f"{self.per_s:.3g} trials/s"]
@@ -74,7 +82,8 @@ class Reporter:
         tally = self._tally
         tally.count(done)
         if self._progress is not None and self._bar is not None:
-            self._progress.update(self._bar, advance=1, description=str(tally))
+            told = str(tally) if self._console.width >= WIDE else tally.short
+            self._progress.update(self._bar, advance=1, description=told)
         elif tally.total <= MOST_LINES:
             name = trial_name(done.task.trial)
             what = outcome(done.row) if done.task.keep else "figures"
@@ -99,11 +108,15 @@ def reporting(console: Console, tally: Tally) -> Iterator[Reporter]:
     if not console.is_terminal or tally.total == 0:
         yield Reporter(console, None, tally)
         return
+    # The bar gives way first: the numbers are what one wants to know.
+    counts = Column(no_wrap=True, min_width=2 * len(str(tally.total)) + 1)
     columns = (
-        BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(compact=True),
-        TextColumn("{task.description}", markup=False),
-    )  # fmt: skip
-    with Progress(*columns, console=console, transient=True) as progress:
+        BarColumn(bar_width=None, table_column=Column(ratio=1)),
+        MofNCompleteColumn(table_column=counts),
+        TimeRemainingColumn(compact=True, table_column=Column(no_wrap=True, min_width=5)),
+        TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True)),
+    )
+    with Progress(*columns, console=console, transient=True, expand=True) as progress:
         yield Reporter(console, progress, tally)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import os
 import resource
 import signal
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.limits import Limits
+from harness.provenance import Sources, code_fingerprint
 from harness.trials import Trial
 
 PR_SET_PDEATHSIG = 1  # of prctl
@@ -110,6 +112,12 @@ def _call(
         return True, function(*arguments, **named)
     except Exception as error:
         return False, error
+
+
+@functools.cache  # what a process has imported stays, whatever becomes of the files
+def loaded_code(sources: Sources) -> str:
+    """The fingerprint of the code that this process computes with."""
+    return code_fingerprint(*sources)
 
 
 def _die_with_the_run() -> None:

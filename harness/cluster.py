@@ -12,9 +12,16 @@ T = TypeVar("T")
 WAIT_S = 15.0  # for the scheduler, and then for a first worker
 LOOK_EVERY_S = 5.0  # at how many workers there are: they may come and go
 
+# How Dask and pickle say that the other side lacks a class, or the whole project.
+UNREADABLE = ("deserialization of the task graph", "Can't get attribute")
+
 
 class ClusterError(RuntimeError):
     """A cluster that cannot be used; the message says the way out."""
+
+
+class OtherCodeError(ClusterError):
+    """Workers that have other code than the run; the message says the way out."""
 
 
 def cluster_pool(address: str) -> Callable[[], Executor]:
@@ -47,8 +54,15 @@ def cluster_pool(address: str) -> Callable[[], Executor]:
 def is_loss(error: BaseException) -> bool:
     """Whether a batch failed since the machines that had it are gone, so that it may be sent again.
 
-    Raises ClusterError when the scheduler is gone.
+    Raises ClusterError when the scheduler is gone, or when it or a worker cannot read the batch.
     """
+    if isinstance(error, ImportError) or any(words in str(error) for words in UNREADABLE):
+        last = (str(error.__cause__ or error).splitlines() or [""])[0]
+        raise OtherCodeError(
+            f"the scheduler or a worker has other code than this run ({last}); the rows so far are "
+            "kept: start them anew, with the same files and libraries, then give the same command "
+            "again"
+        ) from None
     if isinstance(error, CancelledError):
         raise ClusterError(
             "the scheduler is gone; the rows so far are kept: start it and its workers, then give "

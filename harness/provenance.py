@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable
 from importlib import metadata, util
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from registration.peers import PEERS
 
@@ -26,6 +26,21 @@ CODE_OF_TRIALS = (
 )  # fmt: skip
 
 
+_loaded: dict[Path, str] = {}  # digests of files as they were when this process imported them
+
+
+class Sources(NamedTuple):
+    """What a run's code is made of beside the project's own: see code_fingerprint."""
+
+    methods: tuple[str, ...]
+    data: tuple[str, ...]
+
+
+def remember_code() -> None:
+    """Note the code as it is now: a process that has imported it stays so when files change."""
+    _loaded.update((path, _digest(path)) for path in _own_files())
+
+
 def code_fingerprint(methods: Iterable[str], data: Iterable[Path | str] = ()) -> str:
     """A hash of the code that computes rows: rows of other code are computed again, not reused.
 
@@ -34,8 +49,7 @@ def code_fingerprint(methods: Iterable[str], data: Iterable[Path | str] = ()) ->
     data: files that the methods read, as a calibration.
     """
     libraries = list(LIBRARIES)
-    files = [path for folder in CODE for path in (ROOT / folder).rglob("*.py")]
-    files += [ROOT / "harness" / f"{name}.py" for name in CODE_OF_TRIALS]
+    files = _own_files()
     files += [Path(file) for file in data]
     for name in methods:
         if name in PEERS:
@@ -48,8 +62,17 @@ def code_fingerprint(methods: Iterable[str], data: Iterable[Path | str] = ()) ->
     for name in sorted(set(libraries)):
         digest.update(f"{name} {metadata.version(name)}\n".encode())
     for path in sorted(set(files)):
-        digest.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+        digest.update(f"{path.name} {_loaded.get(path) or _digest(path)}\n".encode())
     return digest.hexdigest()[:16]
+
+
+def _own_files() -> list[Path]:
+    files = [path for folder in CODE for path in (ROOT / folder).rglob("*.py")]
+    return files + [ROOT / "harness" / f"{name}.py" for name in CODE_OF_TRIALS]
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def run_facts(code: str) -> dict[str, Any]:

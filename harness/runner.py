@@ -13,8 +13,9 @@ from harness.child import Task as Task
 from harness.cluster import is_loss
 from harness.limits import NO_LIMITS, Limits
 from harness.pool import MakeExecutor, shutting_down, slots_of
+from harness.provenance import Sources
 from harness.store import Row, Store
-from harness.supervise import Ended, perform_all
+from harness.supervise import Ended, Origin, perform_all
 
 # Batches at a worker and on the way to it, so that it never waits for the next.
 AHEAD = 2
@@ -38,12 +39,15 @@ def run(
     code: str,
     make_executor: MakeExecutor,
     limits: Limits = NO_LIMITS,
+    sources: Sources | None = None,
 ) -> Iterator[Done]:
     """Perform the tasks, committing each row before it is handed on, in the order they end.
 
     make_executor: makes an executor of the concurrent.futures interface. Whoever stops consuming,
         stops the run; what was handed on is kept.
+    sources: what `code` is made of, so that workers with other code are refused, by OtherCodeError.
     """
+    origin = None if sources is None else Origin(code, sources)
     batches = Batches(tasks)
     again: deque[tuple[list[Task], int]] = deque()  # batches that were lost, and how often
     running: dict[Future[list[Ended]], tuple[list[Task], int]] = {}
@@ -51,7 +55,7 @@ def run(
         while batches or again or running:
             while (batches or again) and len(running) < AHEAD * slots_of(executor):
                 batch, lost = again.popleft() if again else (batches.next(slots_of(executor)), 0)
-                running[executor.submit(perform_all, batch, limits)] = batch, lost
+                running[executor.submit(perform_all, batch, limits, origin)] = batch, lost
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 batch, lost = running.pop(future)
                 error = future.exception()

@@ -14,7 +14,7 @@ from harness.choices import installed_methods
 from harness.config import dump_yaml, load_experiment, overridden_mapping
 from harness.face_gaps import FaceGaps
 from harness.pool import MakeExecutor
-from harness.provenance import code_fingerprint, run_facts
+from harness.provenance import Sources, code_fingerprint, run_facts
 from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
 from harness.report.folder import FOLDER as RECORDS
@@ -36,6 +36,7 @@ class Session:
     """A checked experiment, its trials, the folder of its results and the code that computes it.
 
     trials: those of every point where there is a sweep. base: those of the experiment without it.
+    code: its fingerprint. sources: what that is made of.
     left_out: why optional methods do not run, a line each.
     """
 
@@ -44,6 +45,7 @@ class Session:
     trials: tuple[Trial, ...]
     folder: Path
     code: str
+    sources: Sources
     base: tuple[Trial, ...]
     left_out: tuple[str, ...] = ()
 
@@ -80,9 +82,12 @@ def open_session(
         trials = build_swept_trials(data, experiment.sweep, with_defaults(experiment, base), file)
     used = [trial.spec.method for trial in trials]
     read = {getattr(method.params, "calibration", "") for method in used}
-    code = code_fingerprint({method.name for method in used}, read - {""})
+    sources = Sources(
+        tuple(sorted({method.name for method in used})), tuple(sorted(map(str, read - {""})))
+    )
+    code = code_fingerprint(*sources)
     folder = folder or Path("results") / file.stem
-    return Session(file, experiment, trials, folder, code, base, left_out)
+    return Session(file, experiment, trials, folder, code, sources, base, left_out)
 
 
 def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
@@ -127,7 +132,7 @@ def execute(
     store.begin(session.trials)
     store.forget_drawings(session.trials)
     limits = session.experiment.limits
-    for done in run(planned.tasks, store, session.code, make_executor, limits):
+    for done in run(planned.tasks, store, session.code, make_executor, limits, session.sources):
         if done.task.pictures is not None and not done.drawing_error:
             store.note_drawing(done.task.trial, done.files)
         yield done

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import platform
 import sys
 import threading
 from collections import deque
@@ -15,8 +16,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from harness.child import Drawn, Task, serve
+from harness.child import Drawn, Task, loaded_code, serve
+from harness.cluster import OtherCodeError
 from harness.limits import NO_LIMITS, Limits
+from harness.provenance import Sources
 from harness.store import Row
 
 T = TypeVar("T")
@@ -33,6 +36,14 @@ class Ended:
     row: Row
     seconds: float
     drawn: Drawn = NO_DRAWING
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The code that is to compute rows: its fingerprint, and what that is made of."""
+
+    code: str
+    sources: Sources
 
 
 class Stopped(RuntimeError):  # noqa: N818  # not a mistake of anybody
@@ -52,6 +63,7 @@ class _Child:
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
+        self.origin: Origin | None = None  # what its code is known to be
         if multiprocessing.current_process().daemon:
             # A worker of Dask's nanny is one, for no more than that its parent ends it, and such a
             # process may start none; ours end by themselves when it does.
@@ -142,14 +154,19 @@ def _join(pool: Workers) -> None:
     _here.pool = pool
 
 
-def perform_all(tasks: Sequence[Task], limits: Limits = NO_LIMITS) -> list[Ended]:
-    """Perform tasks in this thread's worker process; a trial that ends it becomes an error row."""
+def perform_all(
+    tasks: Sequence[Task], limits: Limits = NO_LIMITS, origin: Origin | None = None
+) -> list[Ended]:
+    """Perform tasks in this thread's worker process; a trial that ends it becomes an error row.
+
+    origin: the code that is to perform them, if that matters. Raises OtherCodeError.
+    """
     ended: list[Ended] = []
     waiting = deque(tasks)
     chances = CHANCES
     while waiting:
         try:
-            child = _child(limits)
+            child = _child(limits) if origin is None else _child_of(origin, limits)
             child.send(list(waiting))
             while waiting:
                 row, seconds = child.receive(limits.trial_s)
@@ -166,6 +183,28 @@ def perform_all(tasks: Sequence[Task], limits: Limits = NO_LIMITS) -> list[Ended
                 ended.append(Ended(row, limits.trial_s or 0.0))
                 chances = CHANCES
     return ended
+
+
+def _child_of(origin: Origin, limits: Limits) -> _Child:
+    """This thread's worker process, a new one where it has imported older code than that.
+
+    On a cluster both outlive the run; a method of the user's own may change in between.
+    """
+    for _ in range(2):
+        child = _child(limits)
+        if child.origin == origin:
+            return child
+        child.send((loaded_code, (origin.sources,), {}))
+        good, found = child.receive(None)
+        if good and found == origin.code:
+            child.origin = origin
+            return child
+        _drop_child()
+    raise OtherCodeError(
+        f"a worker on {platform.node()} has other code than this run"
+        f"{'' if good else f' ({found})'}; the rows so far are kept: start the workers anew, with "
+        "the same files and libraries, then give the same command again"
+    )
 
 
 def _in_child(function: Callable[..., T], arguments: tuple[Any, ...], named: dict[str, Any]) -> T:

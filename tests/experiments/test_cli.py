@@ -105,3 +105,33 @@ def test_show_scene_saves_a_picture(elsewhere: Path, capsys: pytest.CaptureFixtu
     assert main(["--show-scene", "flat_target"]) == 0
     (line,) = capsys.readouterr().out.splitlines()
     assert (elsewhere / line).read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_interrupt_outside_of_the_trials_gets_one_line_too(
+    elsewhere: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("harness.session.open_session", interrupted)
+    request = [DESK, "--seed", "4"]
+    assert main([*request, "--dry-run"]) == 130
+    told = capsys.readouterr().err.strip()
+    assert told.count("\n") == 0
+    assert told.endswith(f"To go on: run-experiment {request[0]} --seed 4 --dry-run")
+
+
+def test_an_interrupt_leaves_the_fork_server_at_work() -> None:
+    program = """
+import os, signal
+from multiprocessing import forkserver
+from harness.pool import process_pool
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+if __name__ == "__main__":
+    make = process_pool(1)
+    os.kill(forkserver._forkserver._forkserver_pid, signal.SIGINT)  # it is importing
+    with make() as executor:
+        print(executor.submit(abs, -3).result())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.stdout.strip(), done.stderr) == ("3", "")

@@ -75,3 +75,17 @@ def test_a_scheduler_that_is_not_there_is_told_in_a_line(
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ClusterError, match=r"pip install '.\[cluster\]'"):
         cluster_pool(address)
+
+
+def test_a_batch_that_the_other_side_cannot_read_is_told_in_a_line() -> None:
+    from harness.cluster import OtherCodeError, is_loss
+
+    lacking = RuntimeError(
+        "Error during deserialization of the task graph. This frequently\noccurs"
+    )
+    lacking.__cause__ = AttributeError("Can't get attribute 'Task' on <module 'harness.child'>")
+    for error in (lacking, ModuleNotFoundError("No module named 'harness'")):
+        with pytest.raises(OtherCodeError, match="start them anew") as caught:
+            is_loss(error)
+        assert "\n" not in str(caught.value)
+    assert not is_loss(ValueError("a bug"))

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from harness.cluster import OtherCodeError
 from harness.pool import process_pool
 from harness.runner import Task, run
 from harness.session import execute, open_session, plan
@@ -71,3 +74,51 @@ def test_another_configuration_shares_no_row(small_file: Path, tmp_path: Path, s
             pass
         assert plan(changed, store).missing == 2
         assert plan(session, store).missing == 0
+
+
+class Lasting(ThreadPoolExecutor):
+    """An executor whose workers outlive a run, as those of a cluster do."""
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        return
+
+
+@pytest.fixture
+def lasting() -> Iterator[Lasting]:
+    executor = Lasting(1)
+    yield executor
+    ThreadPoolExecutor.shutdown(executor)
+
+
+def test_a_worker_that_outlives_a_run_does_not_compute_with_older_code(
+    small_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lasting: Lasting
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    method = tmp_path / "changing.py"
+    text = """\
+from registration import RegistrationResult
+
+def give_up(target, source, params):
+    return RegistrationResult(None, "failed", "version one")
+"""
+    for version in ("one", "two"):
+        method.write_text(text.replace("version one", f"version {version}"), encoding="utf-8")
+        session = open_session(
+            small_file, tmp_path / "run", ["methods=[{name: 'changing:give_up'}]", "repeats=1"]
+        )
+        with Store(session.folder) as store:
+            list(execute(session, store, plan(session, store), lambda: lasting))
+        assert set(load(session.folder)["reason"]) == {f"version {version}"}
+
+
+def test_workers_that_loaded_other_code_are_refused(
+    small_file: Path, tmp_path: Path, lasting: Lasting
+) -> None:
+    session = open_session(small_file, tmp_path / "run")
+    session = replace(session, code="0123456789abcdef")
+    with Store(session.folder) as store:
+        planned = plan(session, store)
+        with pytest.raises(OtherCodeError, match="has other code than this run") as caught:
+            list(execute(session, store, planned, lambda: lasting))
+        assert "\n" not in str(caught.value)
+        assert plan(session, store).missing == planned.missing
