@@ -65,7 +65,7 @@ def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
     if study.kind == "curves":
         table = curves_table(rows, names)
         frame = table.frame
-        lines = curves_conclusion(frame)
+        lines = curves_conclusion(rows, frame)
         note = " ".join(lines)
         figures = {
             "success": lambda: draw_success(frame, note),
@@ -75,7 +75,7 @@ def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
     if study.kind == "effects":
         table = effects_table(rows)
         frame = table.frame
-        lines = effects_conclusion(frame)
+        lines = effects_conclusion(rows, frame)
         return _told((table,), {"effects": lambda: draw_effects(frame, " ".join(lines))}, lines)
     if study.kind == "grid":
         table = grid_table(rows, study.profiles_per_s)

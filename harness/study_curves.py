@@ -16,6 +16,8 @@ from harness.study_figures import colours_of, foot_in, method_legend, ticks, wit
 from harness.study_numbers import (
     CUT,
     ERRORS,
+    LEVEL,
+    RESAMPLES,
     RIGHT,
     beyond_chance,
     gained_lost,
@@ -26,6 +28,7 @@ from harness.study_numbers import (
 )
 from harness.sweep_tables import PREFIX, short_names, swept_keys
 from harness.table_files import Table
+from registration.scan import FloatArray
 
 COLUMNS = 3  # of panels
 
@@ -87,23 +90,39 @@ def _number(shown: Any) -> float:
         raise ValueError(message) from None
 
 
-def curves_conclusion(frame: pd.DataFrame) -> tuple[str, str]:
-    """What the table says of its first method, in two sentences."""
+def curves_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, str]:
+    """What the table says of its first method, in two sentences; rows as for the table.
+
+    Parameters are told apart by how far success goes with them, on the same pairs drawn anew.
+    """
     method = frame["Method"].iloc[0]
     own = frame[frame["Method"] == method]
-    spans = []
+    known = outcomes(rows)
+    drawn = _drawn_spans(known[known["method"] == method])
+    spans: list[tuple[float, int, str, Any, Any]] = []
     for name, group in own.groupby("Parameter", sort=False):
         best, worst = group.loc[group["Right"].idxmax()], group.loc[group["Right"].idxmin()]
-        spans.append((best["Right"] - worst["Right"], _named(name), best, worst))
+        spans.append((best["Right"] - worst["Right"], len(spans), _named(name), best, worst))
     spans.sort(key=lambda span: -span[0])
-    told = [
-        f"{name} ({worst['Right']:.0%} right at {worst['Value']:g}, {best['Right']:.0%} at "
-        f"{best['Value']:g})"
-        for _, name, best, worst in spans
-    ]
-    first = f"Success of {method} hangs most on {told[0]}"
-    if len(told) > 1:
-        first += f", least on {told[-1]}"
+
+    def told(end: int) -> str:
+        _, place, name, best, worst = spans[end]
+        sign = 1.0 if end == 0 else -1.0
+        alike = [
+            other
+            for _, at, other, _, _ in spans
+            if at != place
+            and np.quantile(sign * (drawn[:, place] - drawn[:, at]), 0.5 - LEVEL / 2) <= 0.0
+        ]
+        beside = f"; not told apart: {listed(alike)}" if alike else ""
+        return (
+            f"{name} ({worst['Right']:.0%} right at {worst['Value']:g}, {best['Right']:.0%} at "
+            f"{best['Value']:g}{beside})"
+        )
+
+    first = f"Success of {method} hangs most on {told(0)}"
+    if len(spans) > 1:
+        first += f", least on {told(-1)}"
     tested = own[own["As it is"] == ""]
     sure = tested[beyond_chance(tested["p"].tolist())]
     better, worse = sure[sure["Gained"] > sure["Lost"]], sure[sure["Gained"] < sure["Lost"]]
@@ -112,6 +131,26 @@ def curves_conclusion(frame: pd.DataFrame) -> tuple[str, str]:
         f"as it is: {_values(better)}; worse: {_values(worse)}."
     )
     return f"{first}.", second
+
+
+def _drawn_spans(rows: pd.DataFrame) -> FloatArray:
+    """(RESAMPLES, keys) from the least to the largest share right over the values of each key.
+
+    A bootstrap over the pairs that every point has; rows: of one method, as outcomes gives them.
+    """
+    right = rows.assign(right=rows["right"].astype(float)).pivot_table(
+        index=["pair", "repeat"], columns="sweep.point", values="right"
+    )
+    right = right.dropna()
+    varied = rows.groupby("sweep.point")["sweep.varied"].first().loc[right.columns]
+    keys = swept_keys(rows)
+    if right.empty:
+        return np.zeros((RESAMPLES, len(keys)))
+    n = len(right)
+    times = np.random.default_rng(0).multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES)
+    shares = times @ right.to_numpy() / n
+    each = [shares[:, varied.isin(["", key]).to_numpy()] for key in keys]
+    return np.stack([np.ptp(of_key, axis=1) for of_key in each], axis=1)
 
 
 def _named(name: Any) -> str:
@@ -128,7 +167,10 @@ def _values(frame: pd.DataFrame) -> str:
 
 def draw_success(frame: pd.DataFrame, note: str) -> Figure:
     """Share of right trials against each parameter; frame: that of curves_table."""
-    title = "How often is it right, with one parameter changed?\nShare of trials, 95 % interval"
+    title = (
+        "How often is it right, with one parameter changed?\nShare of trials, 95 % interval; "
+        "dashed: as it is"
+    )
     return _page(frame, title, {"Right": "share right"}, note)
 
 
@@ -136,7 +178,7 @@ def draw_errors(frame: pd.DataFrame, note: str) -> Figure:
     """Mean errors against each parameter, failures at the cut; frame: that of curves_table."""
     title = (
         "How far off is it, with one parameter changed?\nMeans over all trials, cut at 5 deg and "
-        "30 mm, failures counting as that; 95 % interval"
+        "30 mm, failures counting as that; 95 % interval; dashed: as it is"
     )
     return _page(frame, title, {name: name.lower() for name in ERRORS}, note)
 

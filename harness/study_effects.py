@@ -23,14 +23,14 @@ from harness.study_numbers import (
     record_formats,
     record_of,
 )
+from harness.study_schema import ALL, EFFECT_KINDS, NONE
 from harness.sweep_tables import PREFIX, swept_keys
 from harness.table_files import Table
 
-NONE, ALL = "none", "all"
-KINDS = ("only", "all but", "twice")
 LOOKS = {"only": ("o", COLOURS[0], COLOURS[0]), "all but": ("o", COLOURS[1], "white"),
          "twice": (">", COLOURS[2], COLOURS[2])}  # fmt: skip
 CHANGE = "Change of translation (mm)"
+LEAST_MM = 0.05  # a change that a sentence tells, as less prints as nothing
 
 
 def effects_table(rows: pd.DataFrame) -> Table:
@@ -68,36 +68,55 @@ def effects_table(rows: pd.DataFrame) -> Table:
 
 def _parts(name: str) -> tuple[str, str]:
     """Kind and effect: "all but ghosts" is ("all but", "ghosts"), "none" is ("none", "")."""
-    for kind in KINDS:
+    for kind in EFFECT_KINDS:
         if name.startswith(f"{kind} "):
             return kind, name.removeprefix(f"{kind} ")
     return name, ""
 
 
-def effects_conclusion(frame: pd.DataFrame) -> tuple[str, str]:
-    """What leaving an effect out wins, and what one alone or doubled costs, by method."""
+def effects_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, str]:
+    """What leaving an effect out wins, and what one alone or doubled costs, by method.
+
+    rows: as for the table.
+    """
+    known = outcomes(rows)
+    (key,) = swept_keys(known)
     wins, costs = [], []
     for method, group in frame.groupby("Method", sort=False):
         means = group.set_index("Effects")[TRANSLATION]
         told = f"{method} ({_mm(means.get(ALL))} mm with all, {_mm(means.get(NONE))} with none)"
-        without = group[group["Kind"] == "all but"]
-        sure = without[without["Change high"] < 0.0].sort_values(CHANGE, kind="stable")
-        falls = listed(f"{line['Effect']} ({line[CHANGE]:+.1f})" for _, line in sure.iterrows())
-        wins.append(f"{told}: {falls}")
-        alone = group[group["Kind"] == "only"].sort_values(TRANSLATION, kind="stable")
+        without = group[(group["Kind"] == "all but") & (group["Change high"] < 0.0)]
+        wins.append(f"{told}: {_changes(_change(without))}")
         twice = group[(group["Kind"] == "twice") & (group["Change low"] > 0.0)]
-        grows = listed(
-            f"{line['Effect']} ({line[CHANGE]:+.1f})"
-            for _, line in twice.sort_values(CHANGE, ascending=False, kind="stable").iterrows()
-        )
-        most = alone.iloc[-1] if len(alone) else None
-        worst = "none" if most is None else f"{most['Effect']} ({_mm(most[TRANSLATION])} mm"
-        if most is not None:
-            low, high = (_mm(most[f"{TRANSLATION} {end}"]) for end in ("low", "high"))
-            worst += f" [{low}, {high}])"
-        costs.append(f"{method} {worst}, twice as large costs: {grows}")
-    first = f"Translation error falls, beyond chance, without: {'; '.join(wins)}."
-    return first, f"Alone most harmful: {'; '.join(costs)}."
+        alone = _alone(known[known["method"] == method], key)
+        doubled = _change(twice)
+        costs.append(f"{method} {_changes(alone)}, twice as large {_changes(doubled)}")
+    first = f"Translation error falls, beyond chance (5 % each), without: {'; '.join(wins)}."
+    return first, f"It grows, likewise, with one effect alone: {'; '.join(costs)}."
+
+
+def _change(frame: pd.DataFrame) -> dict[str, float]:
+    return dict(zip(frame["Effect"], frame[CHANGE], strict=True))
+
+
+def _alone(rows: pd.DataFrame, key: str) -> dict[str, float]:
+    """By effect, what it alone adds to the error without any, where that is beyond chance."""
+    by_name = dict(list(rows.groupby(PREFIX + key, sort=False)))
+    added = {}
+    for name, group in by_name.items():
+        kind, effect = _parts(str(name))
+        if kind == "only" and NONE in by_name:
+            (both,) = paired(group, by_name[NONE], [ERRORS[TRANSLATION]])
+            change = both[:, 0] - both[:, 1]
+            if mean_interval(change)[0] > 0.0:
+                added[effect] = float(change.mean())
+    return added
+
+
+def _changes(changes: dict[str, float]) -> str:
+    """Changes of the error by effect, the largest first, those that print as nothing left out."""
+    large = sorted(changes.items(), key=lambda change: -abs(change[1]))
+    return listed(f"{effect} ({mm:+.1f})" for effect, mm in large if abs(mm) >= LEAST_MM)
 
 
 def _mm(value: Any) -> str:

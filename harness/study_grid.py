@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from scipy.stats import binomtest
 
 from harness.figures_page import INK, add_axes, new_figure
 from harness.study_figures import foot_in, share_map
@@ -67,7 +68,11 @@ def grid_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, str]:
         steps.append(f"{method}: {', '.join(told)}")
         lengths.append(f"{method} {_finer(own)}")
     first = f"Best XSTEP at equal scan time (in brackets steps not told apart): {'; '.join(steps)}."
-    return first, f"Twice the profiles at half the step, over one length: {'; '.join(lengths)}."
+    second = (
+        "Twice the profiles at half the step, over one length (sign test over pairs): "
+        f"{'; '.join(lengths)}."
+    )
+    return first, second
 
 
 def _best(rows: pd.DataFrame) -> str:
@@ -79,23 +84,35 @@ def _best(rows: pd.DataFrame) -> str:
         for step, group in by_step.items()
         if step != best and gained_lost(group, by_step[best])[2] >= 1.0 - LEVEL
     ]
+    if len(alike) == len(by_step) - 1 > 0:
+        return "any of them"
     others = f" [{', '.join(alike)}]" if alike else ""
     return f"{best:g} mm{others}"
 
 
 def _finer(rows: pd.DataFrame) -> str:
-    """Successes won and lost by halving the step over the same length, all such cells together."""
-    gained = lost = 0
+    """Successes won and lost by halving the step over the same length, all such cells together.
+
+    Cells share their pairs, so that chance is judged by what becomes of each pair over all of them.
+    """
     cells = {
-        (float(str(profiles)), float(str(step))): group
+        (float(str(profiles)), float(str(step))): group.set_index(["pair", "repeat"])["right"]
         for (profiles, step), group in rows.groupby([PROFILES, STEP])
     }
-    for (profiles, step), group in cells.items():
-        finer = cells.get((2.0 * profiles, step / 2.0))
-        if finer is not None:
-            more, less, _ = gained_lost(finer, group)
-            gained, lost = gained + more, lost + less
-    return f"gains {gained} trials and loses {lost}"
+    changes = [
+        cells[2.0 * profiles, step / 2.0].astype(int) - right.astype(int)
+        for (profiles, step), right in cells.items()
+        if (2.0 * profiles, step / 2.0) in cells
+    ]
+    if not changes:
+        return "no such cells"
+    change = pd.concat(changes).dropna()
+    of_pair = change.groupby(level=[0, 1]).sum()
+    better, worse = int((of_pair > 0).sum()), int((of_pair < 0).sum())
+    p = binomtest(better, better + worse).pvalue if better + worse else 1.0
+    gained, lost = int((change > 0).sum()), int((change < 0).sum())
+    sure = "beyond chance" if p < 1.0 - LEVEL else "not beyond chance"
+    return f"gains {gained} trials and loses {lost}, {sure}"
 
 
 def draw_grid(frame: pd.DataFrame, note: str) -> Figure:

@@ -116,32 +116,39 @@ def indices_table(rows: pd.DataFrame, sweep: Sweep, names: Mapping[str, str]) ->
 def indices_conclusion(frame: pd.DataFrame) -> tuple[str, str]:
     """What the table says of its first method, in two sentences."""
     own = frame[frame["Method"] == frame["Method"].iloc[0]]
-    failure = own[own["Output"] == FAILURE].sort_values("Total", ascending=False, kind="stable")
-    told = [
-        f"{_named(line)} (total index {line['Total']:.2f} [{line['Total low']:.2f}, "
-        f"{line['Total high']:.2f}])"
-        for _, line in failure.iterrows()
-    ]
+    failure = own[own["Output"] == FAILURE]
     idle = listed(_named(line) for _, line in failure.iterrows() if line["Total low"] <= 0.0)
     method = own["Method"].iloc[0]
     first = f"Every point fails equally often: no parameter decides whether {method} fails."
     if failure["Total"].notna().all():
-        then = f", then on {told[1]}" if len(told) > 1 else ""
+        top, alike = _top(failure)
         first = (
-            f"Whether {method} fails depends most on {told[0]}{then}; not told apart from no "
-            f"influence: {idle}."
+            f"Whether {method} fails depends most on {_named(top)} (total index "
+            f"{top['Total']:.2f} [{top['Total low']:.2f}, {top['Total high']:.2f}]; intervals that "
+            f"overlap with it: {listed(alike)}); not told apart from no influence: {idle}."
         )
     tops = []
     for output, group in own[own["Output"] != FAILURE].groupby("Output", sort=False):
         if group["Total"].notna().any():
-            top = _named(group.loc[int(group["Total"].idxmax())])
-            tops.append(f"the {str(output).partition(' (')[0].lower()} on {top}")
+            top, alike = _top(group)
+            beside = f" [{', '.join(alike)}]" if alike else ""
+            tops.append(f"the {str(output).partition(' (')[0].lower()} on {_named(top)}{beside}")
     if not tops:
         return first, "The errors do not differ between points either."
     together = own[own["First high"] < own["Total low"]]["Parameter"].unique()
     interplay = listed(str(name).partition(" (")[0] for name in together)
-    second = f"Of the errors most depend {listed(tops)}; told to act in interplay: {interplay}."
+    second = (
+        f"Of the errors most depend {listed(tops)} (in brackets those that overlap); told to act "
+        f"in interplay: {interplay}."
+    )
     return first, second
+
+
+def _top(group: pd.DataFrame) -> tuple[pd.Series[Any], list[str]]:
+    """The line of the largest total index, and the parameters whose intervals overlap with its."""
+    ordered = group.sort_values("Total", ascending=False, kind="stable")
+    top, others = ordered.iloc[0], ordered.iloc[1:]
+    return top, [_named(o) for _, o in others.iterrows() if o["Total high"] >= top["Total low"]]
 
 
 def _named(line: Any) -> str:

@@ -95,6 +95,16 @@ def gained_lost(ours: pd.DataFrame, theirs: pd.DataFrame) -> tuple[int, int, flo
     return gained, lost, p
 
 
+def smaller_p(ours: pd.DataFrame, theirs: pd.DataFrame, column: str) -> float:
+    """The chance of so uneven a split of the pairs on which ours or theirs has less of a column.
+
+    An exact sign test over the pairs that both have right: 1.0 where there are none.
+    """
+    (both,) = paired(ours[ours["right"]], theirs[theirs["right"]], [column])
+    less, more = int((both[:, 0] < both[:, 1]).sum()), int((both[:, 0] > both[:, 1]).sum())
+    return float(binomtest(less, less + more).pvalue) if less + more else 1.0
+
+
 def beyond_chance(p_values: Sequence[float], level: float = 1.0 - LEVEL) -> BoolArray:
     """(n,) which tests hold at this level for all together (Holm, Scand. J. Stat. 6 (1979) 65)."""
     p = np.asarray(p_values, dtype=np.float64)

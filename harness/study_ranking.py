@@ -12,7 +12,7 @@ from harness.figures_page import GREY, add_axes, new_figure
 from harness.random_groups import with_family, within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.study_figures import COLOURS, foot_in, logarithmic, share_map
-from harness.study_numbers import LEVEL, gained_lost, listed, outcomes
+from harness.study_numbers import LEVEL, gained_lost, listed, outcomes, smaller_p
 from harness.table_files import Table
 from harness.variants import median_interval
 
@@ -93,10 +93,19 @@ def ranking_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, st
         reliable.iloc[int(np.argmin(reliable[column].to_numpy(dtype=float)))]
         for column in (name, TIME)
     )
+    most = known[known["method"] == exact["Method"]]
+    as_exact = [
+        method
+        for method in reliable["Method"]
+        if method != exact["Method"]
+        and smaller_p(known[known["method"] == method], most, "translation_error_mm") >= 1.0 - LEVEL
+    ]
+    told = f"; not told apart: {listed(as_exact)}" if as_exact else ""
+    fastest = "" if fast["Method"] == exact["Method"] else f"{fast['Method']} "
     second = (
         f"Of those right on {COMPARED:.0%} or more, {exact['Method']} is the most exact (median "
-        f"{exact['Median rotation error (deg)']:.2f} deg, {exact[name]:.1f} mm) and "
-        f"{fast['Method']} the fastest (median {fast[TIME]:.0f} ms)."
+        f"{exact['Median rotation error (deg)']:.2f} deg, {exact[name]:.1f} mm{told}) and "
+        f"{fastest}the fastest (median {fast[TIME]:.0f} ms)."
     )
     return first, second
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from harness.strict import Strict
-from harness.sweep_schema import Design, Sweep
+from harness.sweep_schema import Design, Named, Range, Sweep
 
 Kind = Literal["curves", "indices", "overlap", "effects", "grid", "ranking"]
 
@@ -20,6 +20,10 @@ DESIGNS: dict[Kind, Design | None] = {
     "grid": "product",
     "ranking": None,
 }
+
+# What the values of a study of effects are called: without any, with all, and by effect.
+NONE, ALL = "none", "all"
+EFFECT_KINDS = ("only", "all but", "twice")
 
 
 class Study(Strict):
@@ -59,3 +63,40 @@ class Study(Strict):
             raise ValueError(f"a study of kind effects sweeps one key, not {len(sweep.over)}")
         if self.kind == "grid" and set(sweep.over) != {"scan.profiles", "scan.step_mm"}:
             raise ValueError("a study of kind grid sweeps scan.profiles and scan.step_mm")
+        # Told now, not when thousands of trials have ended.
+        for key, values in sweep.over.items():
+            if self.kind == "effects":
+                _check_effects(key, values)
+            elif self.kind in ("curves", "grid"):
+                _check_numbers(self.kind, key, values)
+
+
+def _check_effects(key: str, values: Any) -> None:
+    names = list(values.named) if isinstance(values, Named) else []
+    known = [
+        name in (NONE, ALL) or any(name.startswith(f"{kind} ") for kind in EFFECT_KINDS)
+        for name in names
+    ]
+    if ALL not in names or not all(known):
+        wrong = f"not {names[known.index(False)]!r}" if not all(known) else f"{ALL!r} among them"
+        raise ValueError(
+            f"a study of kind effects needs values of {key} named {NONE!r}, {ALL!r}, "
+            f"{', '.join(repr(f'{kind} X') for kind in EFFECT_KINDS)}, {wrong}"
+        )
+
+
+def _check_numbers(kind: Kind, key: str, values: Any) -> None:
+    if isinstance(values, Range):
+        return
+    named = isinstance(values, Named)
+    for value in values.named if named and kind == "curves" else [values] if named else values:
+        try:
+            number = not isinstance(value, bool | Named) and float(value)
+        except (TypeError, ValueError):
+            number = False
+        if number is False:
+            shown = repr(value) if not isinstance(value, Named) else "names"
+            or_names = ", or names that are," if kind == "curves" else ""
+            raise ValueError(
+                f"a study of kind {kind} needs numbers{or_names} of {key}, not {shown}"
+            )

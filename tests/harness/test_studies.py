@@ -204,7 +204,7 @@ def test_effects_name_the_one_that_harms(effect: str) -> None:
 
     first, second = concluded("noise", 12, works).conclusion
     assert f"thesis (30.0 mm with all, 1.1 with none): {effect} (-28.9)" in first
-    assert f"thesis {effect} (30.0 mm [30.0, 30.0])" in second
+    assert f"thesis {effect} (+28.9), twice as large" in second
 
 
 @pytest.mark.parametrize("best", ["thesis", "gauss_sphere"])
@@ -236,6 +236,27 @@ def test_figures_are_not_blank(name: str, tmp_path: Path) -> None:
         assert len(colours) > 20
 
 
+def test_what_chance_may_have_made_is_told_so() -> None:
+    """Of parameters, steps and methods that do equally well, none is named as if it were best."""
+    warp, cliff = (
+        "methods.thesis.params.segments.warp_mm",
+        "methods.thesis.params.segments.cliff_mm",
+    )
+
+    def works(_method: str, shown: Any, number: int) -> bool:
+        return number > (9 if shown.get(warp) == 1 or shown.get(cliff) == 40 else 3)
+
+    found = concluded("sensitivity", 12, works)
+    assert "not told apart: CLIFF), least on" in found.conclusion[0]
+    found = concluded("step_profiles", 12, lambda _m, _s, number: number > 5)
+    assert "gauss_sphere: 15 profiles any of them" in found.conclusion[0]
+    assert "gains 0 trials and loses 0, not beyond chance" in found.conclusion[1]
+    found = concluded("noise", 12, lambda _m, _s, number: number > 5)
+    assert "one effect alone: gauss_sphere none, twice as large none" in found.conclusion[1]
+    found = concluded("leaderboard", 12, lambda _m, _s, _n: True)
+    assert "mm; not told apart: " in found.conclusion[1]
+
+
 def test_a_figure_has_its_conclusion_at_its_foot() -> None:
     found = concluded("overlap", 60, lambda m, s, n: n % 4 > 0)
     with Style():
@@ -254,6 +275,27 @@ def test_a_figure_has_its_conclusion_at_its_foot() -> None:
         ("effects", {}, {"over": {"a": [1], "b": [1]}}, "sweeps one key, not 2"),
         ("effects", {"b": "B"}, {"over": {"a": [1]}}, "`names` has b, which is not swept"),
         ("grid", {}, {"over": {"a": [1]}}, "sweeps scan.profiles and scan.step_mm"),
+        (
+            "grid",
+            {},
+            {"over": {"scan.profiles": [8], "scan.step_mm": {"named": {"a": 1}}}},
+            "needs numbers of scan.step_mm, not names",
+        ),
+        (
+            "curves",
+            {},
+            {"design": "one_at_a_time", "over": {"a": [1, "b"]}},
+            "needs numbers, or names that are, of a, not 'b'",
+        ),
+        (
+            "curves",
+            {},
+            {"design": "one_at_a_time", "over": {"a": {"named": {"5": 1, "b": 2}}}},
+            "needs numbers, or names that are, of a, not 'b'",
+        ),
+        ("effects", {}, {"over": {"a": {"named": {"only x": 1}}}}, "'all' among them"),
+        ("effects", {}, {"over": {"a": {"named": {"all": 1, "no x": 2}}}}, "'twice X', not 'no x'"),
+        ("effects", {}, {"over": {"a": [1, 2]}}, "needs values of a named 'none', 'all'"),
     ],
 )
 def test_a_study_needs_its_sweep(
