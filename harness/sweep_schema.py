@@ -169,6 +169,8 @@ class Sweep(Strict):
             raise ValueError(
                 f"`samples` of design {self.design} should be a power of two, not {self.samples}"
             )
+        if self.design == "morris" and self.levels % 2:
+            raise ValueError(f"`levels` of design morris should be even, not {self.levels}")
         for key, values in self.over.items():
             if isinstance(values, Range):
                 raise ValueError(

@@ -63,6 +63,9 @@ def sweep_table(rows: pd.DataFrame) -> Table:
         frame = frame.drop(columns="Varied", errors="ignore")
     formats = {"Trials": "d", "Errors": "d", "Rotation error (deg)": ".3f",
                "Translation error (mm)": ".2f"}  # fmt: skip
+    for key in keys:
+        if names[key] in frame and pd.api.types.is_float_dtype(frame[names[key]]):
+            formats[names[key]] = ".4g"  # a drawn value has sixteen digits
     for name in ("fine", "coarse"):
         formats |= dict.fromkeys((name.title(), f"{name} low", f"{name} high"), ".0%")
     return Table(

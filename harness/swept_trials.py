@@ -15,11 +15,12 @@ from harness.random_schema import RandomPairsExperiment
 from harness.recent import Recent
 from harness.schema import Experiment
 from harness.sweep import MOST_POINTS, Point, point_count, shown_value, sweep_points
-from harness.sweep_schema import Sweep
+from harness.sweep_schema import Named, Sweep
 from harness.trials import Trial, build_trials
 
 # Pieces of configurations, and whole ones without their parameters, that are kept while building.
 KEPT = 4096
+AS_IT_IS = "as it is"  # a section of the configuration that a point leaves alone
 
 
 def build_swept_trials(
@@ -38,7 +39,11 @@ def build_swept_trials(
         key: [_path(base, each, file) for each in (key, *sweep.along.get(key, ()))]
         for key in sweep.over
     }
-    unchanged = {key: shown_value(looked_up(defaults, paths[key][0])) for key in sweep.over}
+    _check_apart(paths, file)
+    unchanged = {
+        key: _as_it_is(values, looked_up(data, paths[key][0]), looked_up(defaults, paths[key][0]))
+        for key, values in sweep.over.items()
+    }
     builder = _Builder(file)
     trials: list[Trial] = []
     try:
@@ -61,6 +66,35 @@ def build_swept_trials(
         except ConfigError as error:
             raise _at(point, file, str(error).removeprefix(f"{file}: ")) from None
     return tuple(trials)
+
+
+def _check_apart(paths: dict[str, list[Key]], file: Path) -> None:
+    """Refuse keys of which the later one would undo the earlier one."""
+    before: dict[Key, str] = {}
+    for key, targets in paths.items():
+        for path in targets:
+            undone = next((name for earlier, name in before.items() if _begins(earlier, path)), "")
+            if undone:
+                message = f"sets again what {undone} has set; leave one of them out"
+                if undone != key:
+                    message += ", or sweep the larger section first"
+                raise ConfigError(file, ("sweep", "over", key), message)
+            before[path] = key
+
+
+def _begins(path: Key, section: Key) -> bool:
+    return path[: len(section)] == section
+
+
+def _as_it_is(values: Any, written: Any, whole: Any) -> Any:
+    """What a table calls a value that the experiment has: itself, or of a section its name.
+
+    written, whole: as the file has it, and with every default.
+    """
+    if isinstance(values, Named):
+        names = (name for name, value in values.named.items() if value in (written, whole))
+        return next(names, AS_IT_IS if isinstance(whole, dict | list) else shown_value(whole))
+    return AS_IT_IS if isinstance(whole, dict | list) else shown_value(whole)
 
 
 def _at(point: Point, file: Path, message: str) -> ConfigError:

@@ -153,6 +153,11 @@ def test_saltelli_changes_one_column_at_a_time() -> None:
          "not a range with a count"),
         ("{over: {seed: {from: 0, to: 1000000, count: 1000000}, scan.step_mm: [1, 2]}}",
          "makes 2000000 points"),
+        ("{design: morris, samples: 2, levels: 3, over: {seed: [1]}}", "should be even, not 3"),
+        ("{over: {methods.0.params.x: [1], methods.thesis.params.x: [2]}}",
+         "methods.thesis.params.x: sets again what methods.0.params.x has set"),
+        ("{over: {scan.step_mm: [1], scan: [{profiles: 3, step_mm: 2}]}}",
+         "scan: sets again what scan.step_mm has set"),
         ("{over: {arm: [null, {track_mm: 9000}]}}", "the track runs from 0 to 2600 mm"),
     ],
 )  # fmt: skip
@@ -247,12 +252,23 @@ def test_rows_carry_their_point(small_file: Path, tmp_path: Path) -> None:
     assert rows["sweep.varied"].tolist()[::2] == ["", WARP, WARP, "sensor.params.noise"]
     assert rows[f"sweep.{WARP}"].tolist()[::2] == [4.0, 4.0, 5.0, 4.0]
     assert rows["sweep.sensor.params.noise"].iloc[6] == "exact"
-    assert "sigma_far_mm" in rows["sweep.sensor.params.noise"].iloc[0]
+    assert rows["sweep.sensor.params.noise"].iloc[0] == "as it is"
     table = sweep_table(rows)
+    assert table.text()[2][1] == "5"
     assert table.frame["Trials"].tolist() == [2, 2, 2, 2]
     with Store(tmp_path) as store:
         store.begin(session.base)
     assert not [name for name in load(tmp_path).columns if name.startswith("sweep.")]
+
+
+def test_what_stays_as_it_is_goes_by_the_name_of_its_value(small_file: Path) -> None:
+    scans = "scan: {named: {few: {profiles: 20, step_mm: 12}, own: {profiles: 48, step_mm: 5.0}}}"
+    session = swept(
+        small_file, f"{{design: one_at_a_time, over: {{{scans}, scene: [{{name: desk}}]}}}}"
+    )
+    first = session.trials[0].point
+    assert first is not None
+    assert first.shown == {"scan": "own", "scene": "as it is"}
 
 
 def test_random_pairs_are_swept_too(tmp_path: Path) -> None:
