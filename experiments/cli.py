@@ -196,7 +196,9 @@ def _run(options: argparse.Namespace) -> int:
     if options.trial is not None:
         return commands.replay(session.trials, options.trial)
     if options.dry_run:
-        return commands.dry_run(session, options.workers)
+        from experiments.rehearsal import dry_run
+
+        return dry_run(session, options.workers)
     if options.export is not None:
         return commands.export(session, options.export)
     return commands.run_all(

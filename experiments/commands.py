@@ -1,4 +1,4 @@
-"""What `run-experiment` does once its request is checked: run, rehearse, replay."""
+"""What `run-experiment` does once its request is checked: run, replay, show."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from rich.console import Console
 
 from experiments.cli import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK
-from experiments.progress import Tally, duration, reporting
+from experiments.progress import Tally, reporting
 from experiments.terminal import (
     make_console,
     outcome,
@@ -36,7 +36,6 @@ from harness.trials import Trial, beyond_reach, full_specs
 from sensors import SENSORS
 
 Show = Callable[[list[Table]], object]
-REHEARSED = 3  # trials that a dry run times
 # Of a file system that is full, over quota, for reading only, or not ours.
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG)
 LITTLE_OVERLAP = 0.1  # where a failure is put down to it
@@ -132,46 +131,6 @@ def telling_disk(folder: Path) -> Iterator[None]:
             f"{error.filename or folder} cannot be written ({error.strerror}); the rows so far are "
             "kept: make room, or give another folder with --out"
         ) from None
-
-
-def dry_run(session: Session, workers: int | None) -> int:
-    """Count the trials, show the first, time some; writes nothing."""
-    console = make_console()
-    workers = min(workers or available_cores(), len(session.trials))
-    points = {trial.point.number for trial in session.trials if trial.point is not None}
-    at = f" at {len(points)} points" if points else ""
-    console.print(f"{session.experiment.title}: {len(session.trials)} trials{at}", markup=False)
-    for trial in session.trials[:REHEARSED]:
-        console.print(f"  {trial.id}  {trial_name(trial)}", markup=False, soft_wrap=True)
-    console.print("  ..." if len(session.trials) > REHEARSED else "", markup=False)
-    tell_left_out(console, session)
-    tell_beyond_reach(console, session)
-    from harness.execution import perform
-
-    perform(session.trials[0])  # the first one compiles and loads, which no other has to do
-    start = time.perf_counter()
-    rehearsed = _rehearsed(session)
-    for trial in rehearsed:
-        row = perform(trial).row
-        console.print(f"{trial_name(trial)}: {outcome(row)}", markup=False, soft_wrap=True)
-    each_s = (time.perf_counter() - start) / len(rehearsed)
-    to_do = len({trial.id for trial in session.trials})
-    console.print(
-        f"{each_s:.2f} s a trial: about {duration(each_s * to_do / workers)} with {workers} "
-        f"workers, figures apart; rows would go to {session.folder}".replace(
-            "about under", "under"
-        ),
-        markup=False,
-    )
-    return EXIT_OK
-
-
-def _rehearsed(session: Session) -> Sequence[Trial]:
-    """Some trials to time: of a sweep from all over it, as its points may differ in cost."""
-    trials = session.trials
-    if session.experiment.sweep is None or len(trials) <= 2 * REHEARSED:
-        return trials[1 : 1 + REHEARSED] or trials
-    return [trials[(2 * i + 1) * len(trials) // (2 * REHEARSED)] for i in range(REHEARSED)]
 
 
 def replay(trials: Sequence[Trial], identity: str) -> int:

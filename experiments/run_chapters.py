@@ -20,10 +20,11 @@ from experiments.chapters import (
 )
 from experiments.chapters_page import write_chapters_page
 from experiments.cli import EXIT_INTERRUPTED, EXIT_OK
-from experiments.commands import available_cores, dry_run, replay, run_all
+from experiments.commands import available_cores, replay, run_all
 from experiments.precision import run_precision
 from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import kept_rows, run_profiles
+from experiments.rehearsal import dry_run
 from experiments.terminal import make_console, show_paths, show_tables
 from harness.config import dump_yaml
 from harness.config_errors import ConfigError

@@ -97,7 +97,10 @@ def test_a_dry_run_counts_and_writes_nothing(
 ) -> None:
     options = ["--set", "scan.profiles=30", "--set", "methods=[{name: thesis}]"]
     assert main([DESK, "--dry-run", "--set", "repeats=4", *options]) == 0
-    assert "8 trials" in capsys.readouterr().out
+    told = " ".join(capsys.readouterr().out.split())
+    assert "8 trials" in told
+    assert "8 different trials at " in told
+    assert ", 8 pairs of scans at " in told  # one method: none are shared
     assert list(elsewhere.iterdir()) == []
 
 
