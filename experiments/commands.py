@@ -74,6 +74,7 @@ def run_all(
         )
         tell_left_out(console, session)
         tell_beyond_reach(console, session)
+        tell_alike(console, session)
         make_executor = cluster_pool(scheduler) if scheduler and planned.tasks else make_local
         tally = Tally(len(planned.tasks))
         try:
@@ -210,6 +211,18 @@ def tell_left_out(console: Console, session: Session) -> None:
     """One line for each optional method that cannot run here."""
     for line in session.left_out:
         console.print(line, markup=False, soft_wrap=True)
+
+
+def tell_alike(console: Console, session: Session) -> None:
+    """One line where trials are the same, as those of a method that a point does not change."""
+    different = len({trial.id for trial in session.trials})
+    if different < len(session.trials):
+        console.print(
+            f"{len(session.trials)} trials are asked for, {different} different ones: those that "
+            "are the same share one row.",
+            markup=False,
+            soft_wrap=True,
+        )
 
 
 def tell_beyond_reach(console: Console, session: Session) -> None:

@@ -16,7 +16,7 @@ from harness.execution import perform
 from harness.limits import Limits
 from harness.session import execute, open_session, plan
 from harness.store import Store
-from harness.supervise import Ended
+from harness.supervise import Ended, Origin
 
 
 class Threads(ThreadPoolExecutor):
@@ -24,7 +24,7 @@ class Threads(ThreadPoolExecutor):
 
     slots = 4
 
-    def submit(self, _, tasks, limits: Limits) -> Future:
+    def submit(self, _, tasks, limits: Limits, origin: Origin) -> Future:
         return super().submit(self._perform, tasks)
 
     def _perform(self, tasks) -> list[Ended]:
