@@ -16,12 +16,13 @@ F = TypeVar("F", bound=Callable[..., object])
 def compiled(function: F) -> F:
     """Compile a loop over plain arrays with numba, cached on disk where that can be written.
 
-    Without fastmath: the same input must give the same bits on every run.
+    Without fastmath: the same input must give the same bits on every run. Division by zero gives
+    infinity or NaN, as in numpy: a check would keep loops from running on vectors.
     """
     try:
-        loop: F = numba.njit(cache=True, nogil=True)(function)
+        loop: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     except RuntimeError:  # numba's only word for a read-only checkout of a user without a home
-        loop = numba.njit(nogil=True)(function)
+        loop = numba.njit(nogil=True, error_model="numpy")(function)
     return loop
 
 

@@ -101,28 +101,60 @@ def estimate_apex(scan: Scan) -> FloatArray:
     A pixel's points satisfy y = apex_y + s (z - apex_z) in all profiles; the intercepts of these
     lines over their slopes give the apex. Scans too flat to tell get nearly parallel beams.
     """
-    points_mm = scan.in_profiles_mm
-    y = np.where(scan.valid, points_mm[..., 1], 0.0)
-    z = np.where(scan.valid, points_mm[..., 2], 0.0)
-    n = scan.valid.sum(axis=0)
-    used = n >= 3
-    n_safe = np.maximum(n, 1)
-    mean_y, mean_z = y.sum(axis=0) / n_safe, z.sum(axis=0) / n_safe
-    dy = np.where(scan.valid, y - mean_y, 0.0)
-    dz = np.where(scan.valid, z - mean_z, 0.0)
-    spread = (dz**2).sum(axis=0)
-    used &= spread / n_safe > 25.0  # below 5 mm of relief a slope is mostly rounding
+    pixels = _pixel_lines(scan.points_mm, scan.origins_mm)
+    # Below 5 mm of relief a slope is mostly rounding.
+    used = (pixels.n >= 3) & (pixels.spread / np.maximum(pixels.n, 1.0) > 25.0)
     parallel = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
     if np.count_nonzero(used) < 8:
         return parallel
-    slope = (dy * dz).sum(axis=0)[used] / spread[used]
-    weight = np.sqrt(spread[used])
+    spread = pixels.spread[used]
+    slope, weight = pixels.shared[used] / spread, np.sqrt(spread)
     design = np.stack([np.ones_like(slope), -slope], axis=1)
-    rhs = mean_y[used] - slope * mean_z[used]
+    rhs = pixels.mean_y[used] - slope * pixels.mean_z[used]
     solution, _, rank, _ = np.linalg.lstsq(design * weight[:, None], rhs * weight, rcond=1e-6)
-    if rank < 2 or solution[1] >= np.nanmin(points_mm[..., 2]):
+    if rank < 2 or solution[1] >= pixels.least_z:
         return parallel
     return np.array([0.0, solution[0], solution[1]])
+
+
+class _PixelLines(NamedTuple):
+    """Sums over the profiles of what each pixel measured, (pixels,), in mm.
+
+    n: number of points; mean_y, mean_z: their means; spread, shared: sums of dz^2 and dy dz about
+    them.  least_z: the least depth of all points.
+    """
+
+    n: FloatArray
+    mean_y: FloatArray
+    mean_z: FloatArray
+    spread: FloatArray
+    shared: FloatArray
+    least_z: float
+
+
+@compiled
+def _pixel_lines(points: FloatArray, origins: FloatArray) -> _PixelLines:
+    n_profiles, n_pixels, _ = points.shape
+    n, mean_y, mean_z = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
+    spread, shared, least_z = np.zeros(n_pixels), np.zeros(n_pixels), np.inf
+    for p in range(n_profiles):
+        for u in range(n_pixels):
+            z = points[p, u, 2] - origins[p, 2]
+            if np.isfinite(z):
+                n[u] += 1.0
+                mean_y[u] += points[p, u, 1] - origins[p, 1]
+                mean_z[u] += z
+                least_z = min(least_z, z)
+    for u in range(n_pixels):
+        mean_y[u] /= max(n[u], 1.0)
+        mean_z[u] /= max(n[u], 1.0)
+    for p in range(n_profiles):
+        for u in range(n_pixels):
+            dz = points[p, u, 2] - origins[p, 2] - mean_z[u]
+            if np.isfinite(dz):
+                spread[u] += dz * dz
+                shared[u] += (points[p, u, 1] - origins[p, 1] - mean_y[u]) * dz
+    return _PixelLines(n, mean_y, mean_z, spread, shared, least_z)
 
 
 def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:
@@ -132,30 +164,33 @@ def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:
     spread in bins of depth, from profiles spread over the scan, is fitted by
     sigma = a + b depth^2, both not negative. Returns (a in mm, b in 1/mm).
     """
-    stride = max(1, depth_mm.shape[0] // NOISE_PROFILES)
-    depths, sigmas = _noise_by_depth(
-        np.ascontiguousarray(depth_mm[stride // 2 :: stride]),
-        np.ascontiguousarray(slope[stride // 2 :: stride]),
-    )
+    return _depth_noise(depth_mm, slope)
+
+
+@compiled
+def _depth_noise(depth: FloatArray, slope: FloatArray) -> tuple[float, float]:
+    depths, sigmas = _noise_by_depth(depth, slope)
     return _growing_noise(depths, sigmas) if depths.size else (MIN_SIGMA_MM, 0.0)
 
 
 @compiled
 def _noise_by_depth(depth: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean depth and spread of the second differences in bins of depth, equally filled."""
+    stride = max(1, depth.shape[0] // NOISE_PROFILES)
     middle, error = np.empty(depth.size), np.empty(depth.size)
+    off = np.empty(depth.shape[1])
     n = 0
-    for p in range(depth.shape[0]):
+    for p in range(stride // 2, depth.shape[0], stride):
+        # First what, then whether: the first loop runs on vectors of points.
         for u in range(1, depth.shape[1] - 1):
             a, b, c = depth[p, u - 1], depth[p, u], depth[p, u + 1]
-            if not np.isfinite(a + b + c):
-                continue
-            span = slope[p, u + 1] - slope[p, u - 1]
-            share = (slope[p, u] - slope[p, u - 1]) / span if span != 0.0 else 0.0
-            if 0.2 < share < 0.8:
-                off = 1.0 / b - (1.0 - share) / a - share / c
-                size = np.sqrt(1.0 + share * share + (1.0 - share) * (1.0 - share))
-                middle[n], error[n] = b, abs(off) * b * b / size
+            share = (slope[p, u] - slope[p, u - 1]) / (slope[p, u + 1] - slope[p, u - 1])
+            bend = 1.0 / b - (1.0 - share) / a - share / c
+            size = np.sqrt(1.0 + share * share + (1.0 - share) * (1.0 - share))
+            off[u] = abs(bend) * b * b / size if 0.2 < share < 0.8 else np.nan
+        for u in range(1, depth.shape[1] - 1):
+            if np.isfinite(off[u]):
+                middle[n], error[n] = depth[p, u], off[u]
                 n += 1
     bins = min(DEPTH_BINS, n // MIN_TRIPLES_PER_BIN)
     depths, sigmas = np.empty(bins), np.empty(bins)
@@ -202,13 +237,18 @@ def _clipped_spread(error: FloatArray) -> float:
     return max(spread, MIN_SIGMA_MM)
 
 
+@compiled
 def _growing_noise(depths: FloatArray, sigmas: FloatArray) -> tuple[float, float]:
     squares = depths**2
-    mean = float(sigmas.mean())
-    if depths.size < 2 or np.ptp(squares) == 0.0:
+    mean_square, mean = squares.mean(), sigmas.mean()
+    spread, shared = 0.0, 0.0
+    for i in range(squares.size):
+        spread += (squares[i] - mean_square) ** 2
+        shared += (squares[i] - mean_square) * (sigmas[i] - mean)
+    if spread == 0.0:
         return mean, 0.0
-    b = float(np.cov(squares, sigmas)[0, 1] / np.var(squares, ddof=1))
-    a = mean - b * float(squares.mean())
+    b = shared / spread
+    a = mean - b * mean_square
     if a < 0.0:
-        return 0.0, float((sigmas * squares).sum() / (squares**2).sum())
+        return 0.0, (sigmas * squares).sum() / (squares**2).sum()
     return (a, b) if b > 0.0 else (mean, 0.0)
