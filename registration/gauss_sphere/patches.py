@@ -83,7 +83,6 @@ def _fit_planes(
 ) -> Patches:
     """Points farther off than gate standard deviations lose their label."""
     rows, pixels, starts = points_by_label(label, n_patches)
-    beams = beams_of(fan, measured, rows, pixels)
     area_per_beam = _beam_area(fan)
     kept = np.zeros(rows.size, np.bool_)
     planes, moments = np.zeros((n_patches, 4)), np.zeros((n_patches, 8))
@@ -93,10 +92,11 @@ def _fit_planes(
     least = max(min_points, 4)
     for i in range(n_patches):
         a, b = starts[i], starts[i + 1]
-        if b - a < least or not fit_plane(
-            beams[:, a:b],
-            fan.lean,
-            fan.apex_mm[2], known, turns, gate, rounds, kept[a:b], planes[i],
+        if b - a < least:
+            continue
+        beams = beams_of(fan, measured, rows[a:b], pixels[a:b])
+        if not fit_plane(
+            beams, fan.lean, fan.apex_mm[2], known, turns, gate, rounds, kept[a:b], planes[i],
             centre[i], basis[i, 0], basis[i, 1], g, moments[i],
         ):  # fmt: skip
             continue
@@ -110,6 +110,9 @@ def _fit_planes(
             for t in range(1, 3):
                 centre[i, t] += fan.apex_mm[t]
             planes[i, 3] += planes[i, 1] * fan.apex_mm[1] + planes[i, 2] * fan.apex_mm[2]
+        if known.given and area[i] > 0.0:
+            for j in range(a, b):
+                fan.depth_mm[rows[j], pixels[j]] = beams[DEPTH, j - a]
     order = np.argsort(-area, kind="mergesort")[: np.count_nonzero(area > 0.0)]
     renumber = np.full(n_patches, -1)
     renumber[order] = np.arange(order.size)
@@ -118,8 +121,6 @@ def _fit_planes(
         if renumber[i] < 0:
             continue
         for j in range(starts[i], starts[i + 1]):
-            if known.given:
-                fan.depth_mm[rows[j], pixels[j]] = beams[DEPTH, j]
             if kept[j]:
                 new_label[rows[j], pixels[j]] = renumber[i]
     counted = moments[order]

@@ -119,11 +119,9 @@ def fit_plane(
     e[0], e[1], e[2] = 0.0, -plane[2], plane[1]
     for turn in range(rounds + 1):
         # The first step on the sample alone: it finds which points do not belong.
-        # (Two calls, as the compiled code of one for arrays of both kinds is slow.)
-        if known.given and turn == 0:
-            take_bias(sample, plane, apex_z_mm, known)
-        elif known.given:
-            take_bias(beams, plane, apex_z_mm, known)
+        used, used_kept = (sample, sample_kept) if turn == 0 else (beams, kept)
+        if known.given:
+            take_bias(used, plane, apex_z_mm, known)
         n0, n1, n2 = plane[0], plane[1], plane[2]
         away = plane[3] - (n0 * mean_x + n1 * mean_y + n2 * mean_z)
         centre[0], centre[1], centre[2] = mean_x + away * n0, mean_y + away * n1, mean_z + away * n2
@@ -132,10 +130,7 @@ def fit_plane(
         size = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
         e[0], e[1], e[2] = e[0] / size, e[1] / size, e[2] / size
         f[0], f[1], f[2] = n1 * e[2] - n2 * e[1], n2 * e[0] - n0 * e[2], n0 * e[1] - n1 * e[0]
-        if turn == 0:
-            _normal_equations(sample, lean, plane, centre, e, f, gate, sample_kept, g, moments)
-        else:
-            _normal_equations(beams, lean, plane, centre, e, f, gate, kept, g, moments)
+        _normal_equations(used, lean, plane, centre, e, f, gate, used_kept, g, moments)
         if moments[0] < 4.0 or narrow(moments):
             return False
         solve_symmetric3(g, step)
@@ -161,28 +156,14 @@ def _normal_equations(
     g: FloatArray,
     moments: FloatArray,
 ) -> None:
-    n0, n1, n2, offset = plane[0], plane[1], plane[2], plane[3]
-    lean_y, lean_z = lean[0], lean[1]
-    n_travel = n0 + n1 * lean_y + n2 * lean_z
-    c0, c1, c2 = centre[0], centre[1], centre[2]
-    e0, e1, e2, f0, f1, f2 = e[0], e[1], e[2], f[0], f[1], f[2]
+    terms = np.empty((5, kept.size))
+    _terms(beams, lean, plane, centre, e, f, gate, kept, terms)
     w_, wa, wb, waa, wab, wbb, wr, war, wbr, wrr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     count, sa, sb, saa, sab, sbb, area = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    gate2 = gate * gate
-    for j in range(beams.shape[1]):
-        x, s, d = beams[X, j], beams[SLOPE, j], beams[DEPTH, j]
-        nb = n1 * s + n2
-        residual = n_travel * x + nb * d - offset
-        deviation = beams[SIGMA, j] * nb
-        w = 1.0 / (deviation * deviation)
-        kept[j] = nb < 0.0 and residual * residual * w <= gate2
+    for j in range(kept.size):
         if not kept[j]:
             continue
-        across = 1.0 / nb
-        foot = d - residual * across
-        v0, v1, v2 = x - c0, s * foot + lean_y * x - c1, foot + lean_z * x - c2
-        a = e0 * v0 + e1 * v1 + e2 * v2
-        b = f0 * v0 + f1 * v1 + f2 * v2
+        w, a, b, residual = terms[0, j], terms[1, j], terms[2, j], terms[3, j]
         w_ += w
         wa += w * a
         wb += w * b
@@ -199,13 +180,52 @@ def _normal_equations(
         saa += a * a
         sab += a * b
         sbb += b * b
-        area -= foot * across
+        area += terms[4, j]
     g[0, 0], g[0, 1], g[0, 2], g[0, 3] = waa, wab, -wa, -war
     g[1, 1], g[1, 2], g[1, 3] = wbb, -wb, -wbr
     g[2, 2], g[2, 3] = w_, wr
     moments[0], moments[1], moments[2] = count, sa, sb
     moments[3], moments[4], moments[5] = saa, sab, sbb
     moments[6], moments[7] = wrr, area
+
+
+@compiled
+def _terms(
+    beams: FloatArray,
+    lean: FloatArray,
+    plane: FloatArray,
+    centre: FloatArray,
+    e: FloatArray,
+    f: FloatArray,
+    gate: float,
+    kept: BoolArray,
+    terms: FloatArray,
+) -> None:
+    """Weight, foot along e and along f, residual and area of beams (5, n); those within the gate.
+
+    Apart from their sums, because this runs on vectors of points.
+    """
+    n0, n1, n2, offset = plane[0], plane[1], plane[2], plane[3]
+    lean_y, lean_z = lean[0], lean[1]
+    n_travel = n0 + n1 * lean_y + n2 * lean_z
+    c0, c1, c2 = centre[0], centre[1], centre[2]
+    e0, e1, e2, f0, f1, f2 = e[0], e[1], e[2], f[0], f[1], f[2]
+    gate2 = gate * gate
+    for j in range(kept.size):
+        x, s, d = beams[X, j], beams[SLOPE, j], beams[DEPTH, j]
+        nb = n1 * s + n2
+        residual = n_travel * x + nb * d - offset
+        deviation = beams[SIGMA, j] * nb
+        w = 1.0 / (deviation * deviation)
+        kept[j] = (nb < 0.0) & (residual * residual * w <= gate2)
+        across = 1.0 / nb
+        foot = d - residual * across
+        v0, v1, v2 = x - c0, s * foot + lean_y * x - c1, foot + lean_z * x - c2
+        terms[0, j] = w
+        terms[1, j] = e0 * v0 + e1 * v1 + e2 * v2
+        terms[2, j] = f0 * v0 + f1 * v1 + f2 * v2
+        terms[3, j] = residual
+        terms[4, j] = -foot * across
 
 
 @compiled

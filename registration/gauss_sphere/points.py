@@ -34,10 +34,11 @@ def points_by_label(label: IntArray, n_patches: int) -> tuple[IntArray, IntArray
 @compiled
 def beams_of(fan: Fan, measured: FloatArray, rows: IntArray, pixels: IntArray) -> FloatArray:
     """(5, n) position, slope, depth, standard deviation and measured depth of points."""
-    beams = np.empty((5, rows.size))
+    beams, columns = np.empty((5, rows.size)), fan.depth_mm.shape[1]
+    slope, depth, sigma = fan.slope.reshape(-1), fan.depth_mm.reshape(-1), fan.sigma_mm.reshape(-1)
+    all_measured = measured.reshape(-1)
     for j in range(rows.size):
-        p, u = rows[j], pixels[j]
-        beams[X, j], beams[SLOPE, j] = fan.x_mm[p], fan.slope[p, u]
-        beams[DEPTH, j], beams[SIGMA, j] = fan.depth_mm[p, u], fan.sigma_mm[p, u]
-        beams[MEASURED, j] = measured[p, u]
+        i = rows[j] * columns + pixels[j]
+        beams[X, j], beams[SLOPE, j] = fan.x_mm[rows[j]], slope[i]
+        beams[DEPTH, j], beams[SIGMA, j], beams[MEASURED, j] = depth[i], sigma[i], all_measured[i]
     return beams

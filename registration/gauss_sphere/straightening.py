@@ -48,22 +48,25 @@ def _straighten(
     sigma: FloatArray,
 ) -> float:
     rows, pixels, starts = points_by_label(label, n_patches)
-    beams = beams_of(fan, fan.depth_mm, rows, pixels)
     plane = np.zeros(4)
     for i in range(n_patches):
-        if starts[i + 1] - starts[i] >= 4:
-            own = beams[:, starts[i] : starts[i + 1]]
-            settled_plane(sample_of(own), fan.lean, fan.apex_mm[2], known, turns, plane)
-            take_bias(own, plane, fan.apex_mm[2], known)
+        a, b = starts[i], starts[i + 1]
+        if b - a < 4:
+            continue
+        beams = beams_of(fan, fan.depth_mm, rows[a:b], pixels[a:b])
+        settled_plane(sample_of(beams), fan.lean, fan.apex_mm[2], known, turns, plane)
+        take_bias(beams, plane, fan.apex_mm[2], known)
+        for j in range(a, b):
+            depth[rows[j], pixels[j]] = beams[DEPTH, j - a]
+            sigma[rows[j], pixels[j]] = beams[SIGMA, j - a]
     if rows.size == 0:
         return 1.0
     stride = max(rows.size // SCALE_SAMPLE, 1)
     ratio = np.empty((rows.size + stride - 1) // stride)
     for j in range(ratio.size):
-        k = j * stride
-        ratio[j] = fan.sigma_mm[rows[k], pixels[k]] / beams[SIGMA, k]
+        p, u = rows[j * stride], pixels[j * stride]
+        ratio[j] = fan.sigma_mm[p, u] / sigma[p, u]
     scale = float(np.median(ratio))
     for j in range(rows.size):
-        depth[rows[j], pixels[j]] = beams[DEPTH, j]
-        sigma[rows[j], pixels[j]] = beams[SIGMA, j] * scale
+        sigma[rows[j], pixels[j]] *= scale
     return scale
