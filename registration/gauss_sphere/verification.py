@@ -9,6 +9,7 @@ point behind a measured surface is hidden and says nothing.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ CELLS_PER_PIXEL = 8
 class View(NamedTuple):
     """A scan ready to be compared: its image of patches and a sample of its points.
 
+    nearest_mm: (profiles, pixels) least of the nine depths there, -inf where one is missing.
     pixel_of: (cells,) pixel of each cell of slope; slope_low, cells_per_slope: where they lie.
     sample_mm: (n, 3) points on the patches, in random order; sample_patch: (n,) theirs;
     sample_area: (n,) mm^2 that each stands for.
@@ -34,6 +36,7 @@ class View(NamedTuple):
 
     fan: Fan
     patches: Patches
+    nearest_mm: FloatArray
     pixel_of: IntArray
     slope_low: float
     cells_per_slope: float
@@ -59,39 +62,56 @@ def comparison(params: VerificationParams) -> Comparison:
 
 def view_of(fan: Fan, patches: Patches, params: VerificationParams) -> View:
     """Prepare a scan for verification."""
-    return _view_of(fan, patches, params.samples)
+    return _view_of(fan, patches, _places(min(params.samples, int(patches.n_points.sum()))))
+
+
+@lru_cache(maxsize=8)
+def _places(n: int) -> IntArray:
+    """(n,) an order whose every stride is spread over the scan: multiples of the golden ratio."""
+    place = np.empty(n, np.int64)
+    place[np.argsort(np.arange(n) * GOLDEN_RATIO % 1.0, kind="stable")] = np.arange(n)
+    return place
 
 
 @compiled
-def _view_of(fan: Fan, patches: Patches, most: int) -> View:
+def _view_of(fan: Fan, patches: Patches, place: IntArray) -> View:
     pixel_of, slope_low, cells_per_slope = _slope_table(fan.column_slope)
-    label, n_all = patches.label, 0
-    for i in range(patches.n_points.size):
-        n_all += patches.n_points[i]
-    n = min(most, n_all)
-    # Even steps through the scan, in an order whose every stride is spread over it.
-    turns = np.empty(n)
-    for j in range(n):
-        turns[j] = j * GOLDEN_RATIO % 1.0
-    place = np.empty(n, np.int64)
-    place[np.argsort(turns, kind="mergesort")] = np.arange(n)
+    label, n, n_all = patches.label, place.size, patches.n_points.sum()
     points, patch, area = np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
     sampled = np.zeros(patches.n_points.size)
-    seen, j = 0, 0
+    seen, j, due = 0, 0, 0  # even steps through the scan
     for p in range(label.shape[0]):
         for u in range(label.shape[1]):
             i = label[p, u]
             if i < 0:
                 continue
-            if j < n and seen == j * n_all // n:
+            if seen == due and j < n:
                 _foot(fan, patches, p, u, points[place[j]])
                 patch[place[j]] = i
                 sampled[i] += 1.0
                 j += 1
+                due = j * n_all // n
             seen += 1
     for j in range(n):
         area[j] = patches.area_mm2[patch[j]] / sampled[patch[j]]
-    return View(fan, patches, pixel_of, slope_low, cells_per_slope, points, patch, area)
+    nearest = _nearest(fan.depth_mm)
+    return View(fan, patches, nearest, pixel_of, slope_low, cells_per_slope, points, patch, area)
+
+
+@compiled
+def _nearest(depth: FloatArray) -> FloatArray:
+    """The least of the nine depths around each; -inf where one is missing or beyond the scan."""
+    rows, columns = depth.shape
+    beside, nearest = np.full(depth.shape, -np.inf), np.full(depth.shape, -np.inf)
+    for p in range(rows):
+        for u in range(1, columns - 1):
+            a, b, c = depth[p, u - 1], depth[p, u], depth[p, u + 1]
+            least = min(min(a, b), c)
+            beside[p, u] = least if np.isfinite(a + b + c) else -np.inf
+    for p in range(1, rows - 1):
+        for u in range(columns):
+            nearest[p, u] = min(min(beside[p - 1, u], beside[p, u]), beside[p + 1, u])
+    return nearest
 
 
 @compiled
@@ -197,13 +217,10 @@ def _compare(
     counts: IntArray,
     areas: FloatArray,
 ) -> None:
-    x, apex, depth = seen_by.fan.x_mm, seen_by.fan.apex_mm, seen_by.fan.depth_mm
-    lean_y, lean_z = seen_by.fan.lean
-    label = seen_by.patches.label
+    depth, nearest = seen_by.fan.depth_mm.reshape(-1), seen_by.nearest_mm.reshape(-1)
+    label = seen_by.patches.label.reshape(-1)
     normal, offset = seen_by.patches.normal, seen_by.patches.offset_mm
     source_normal = points_of.patches.normal
-    rows = x.size
-    step = (x[rows - 1] - x[0]) / max(rows - 1, 1)
     turned = np.empty_like(source_normal)
     for k in range(source_normal.shape[0]):
         for u in range(3):
@@ -212,48 +229,59 @@ def _compare(
                 + r[u, 1] * source_normal[k, 1]
                 + r[u, 2] * source_normal[k, 2]
             )
-    for j in range(0, points_of.sample_area.size, stride):
-        px, py, pz = points_of.sample_mm[j]
-        area = points_of.sample_area[j]
+    n = (points_of.sample_area.size + stride - 1) // stride
+    moved, beam = np.empty((4, n)), np.empty(n, np.int64)
+    _move(seen_by, points_of, r, t, stride, moved, beam)
+    for j in range(n):
+        area, b = points_of.sample_area[j * stride], beam[j]
+        if b < 0:
+            areas[OUTSIDE] += area
+            continue
+        # All that may be said is looked up, and the strongest word taken: branches cost more.
+        wx, wy, wz, z = moved[0, j], moved[1, j], moved[2, j], moved[3, j]
+        i, k = label[b], points_of.sample_patch[j * stride]
+        on = max(i, 0)
+        away = normal[on, 0] * wx + normal[on, 1] * wy + normal[on, 2] * wz - offset[on]
+        cos = (
+            normal[on, 0] * turned[k, 0]
+            + normal[on, 1] * turned[k, 1]
+            + normal[on, 2] * turned[k, 2]
+        )
+        says = HIDDEN if z > depth[b] + tolerance else OUTSIDE
+        says = CONTRADICTION if z + how.free_space_mm + tolerance < nearest[b] else says
+        supports = (i >= 0) & (abs(away) < tolerance) & (cos > how.cos_tolerance)
+        says = SUPPORT if supports else says
+        areas[says] += area
+        counts[on, k] += supports
+
+
+@compiled
+def _move(
+    seen_by: View,
+    points_of: View,
+    r: FloatArray,
+    t: FloatArray,
+    stride: int,
+    moved: FloatArray,
+    beam: IntArray,
+) -> None:
+    """Move samples into the other view: (4, n) x, y, z and depth, and the beam that each is on."""
+    x, apex, samples = seen_by.fan.x_mm, seen_by.fan.apex_mm, points_of.sample_mm
+    lean_y, lean_z = seen_by.fan.lean
+    rows, columns, cells = x.size, seen_by.fan.column_slope.size, seen_by.pixel_of.size
+    step = (x[rows - 1] - x[0]) / max(rows - 1, 1)
+    low, scale = seen_by.slope_low, seen_by.cells_per_slope
+    row, cell = np.empty(beam.size), np.empty(beam.size)
+    for j in range(beam.size):
+        px, py, pz = samples[j * stride, 0], samples[j * stride, 1], samples[j * stride, 2]
         wx = r[0, 0] * px + r[0, 1] * py + r[0, 2] * pz + t[0]
         wy = r[1, 0] * px + r[1, 1] * py + r[1, 2] * pz + t[1]
         wz = r[2, 0] * px + r[2, 1] * py + r[2, 2] * pz + t[2]
         z = wz - lean_z * wx - apex[2]  # as the profile through the point sees it
-        row, pixel = -1, -1
-        if z > 1.0 and step != 0.0:
-            row = int(np.floor((wx - x[0]) / step + 0.5))
-            position = (
-                (wy - lean_y * wx - apex[1]) / z - seen_by.slope_low
-            ) * seen_by.cells_per_slope
-            if 0.0 <= position < seen_by.pixel_of.size:
-                pixel = seen_by.pixel_of[int(position)]
-        if row < 0 or row >= rows or pixel < 0:
-            areas[OUTSIDE] += area
-            continue
-        i, k = label[row, pixel], points_of.sample_patch[j]
-        if i >= 0:
-            n = normal[i]
-            away = n[0] * wx + n[1] * wy + n[2] * wz - offset[i]
-            cos = n[0] * turned[k, 0] + n[1] * turned[k, 1] + n[2] * turned[k, 2]
-            if abs(away) < tolerance and cos > how.cos_tolerance:
-                areas[SUPPORT] += area
-                counts[i, k] += 1
-                continue
-        if _stands_before(depth, row, pixel, z + how.free_space_mm + tolerance):
-            areas[CONTRADICTION] += area
-        elif z > depth[row, pixel] + tolerance:
-            areas[HIDDEN] += area
-        else:
-            areas[OUTSIDE] += area
-
-
-@compiled
-def _stands_before(depth: FloatArray, row: int, pixel: int, z: float) -> bool:
-    """Whether z lies before all nine depths there; where one is missing nothing is known."""
-    if row < 1 or pixel < 1 or row + 1 >= depth.shape[0] or pixel + 1 >= depth.shape[1]:
-        return False
-    for p in range(row - 1, row + 2):
-        for u in range(pixel - 1, pixel + 2):
-            if not z < depth[p, u]:
-                return False
-    return True
+        moved[0, j], moved[1, j], moved[2, j], moved[3, j] = wx, wy, wz, z
+        row[j] = np.floor((wx - x[0]) / step + 0.5)
+        cell[j] = ((wy - lean_y * wx - apex[1]) / z - low) * scale
+    for j in range(beam.size):
+        inside = (0.0 <= row[j] < rows) & (0.0 <= cell[j] < cells) & (moved[3, j] > 1.0)
+        pixel = seen_by.pixel_of[np.int64(cell[j])] if inside else -1
+        beam[j] = np.int64(row[j]) * columns + pixel if pixel >= 0 else -1
