@@ -9,8 +9,9 @@ from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import DecisionParams
 from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View
+from registration.kernels import compiled
 from registration.result import Candidate, RegistrationResult
-from registration.scan import FloatArray
+from registration.scan import FloatArray, IntArray
 
 
 def judge(
@@ -21,7 +22,7 @@ def judge(
     seen = 0.5 * (target.sample_area.sum() + source.sample_area.sum())
     share = best.areas[SUPPORT] / seen
     against = best.areas[CONTRADICTION] / max(best.areas[SUPPORT], 1e-9)
-    candidates = tuple(Candidate(transform(p), p.score / seen) for p in ranked)
+    candidates = tuple(map(Candidate, transforms(ranked), (p.score / seen for p in ranked)))
     if share < params.least_support:
         return RegistrationResult(
             None,
@@ -79,18 +80,29 @@ def judge(
 
 def agreeing_planes(pose: Settled, target: View, params: DecisionParams) -> int:
     """Number of different planes that agree within their noise: pieces of one plane are one."""
-    normals: list[FloatArray] = []
-    offsets: list[float] = []
-    for i in pose.pairs[pose.distance2 < params.agreeing_distance2, 0]:
-        normal, offset = target.patches.normal[i], float(target.patches.offset_mm[i])
-        if all(
-            np.linalg.norm(normal - n) > params.same_plane_rad
-            or abs(offset - d) > params.same_plane_mm
-            for n, d in zip(normals, offsets, strict=True)
-        ):
-            normals.append(normal)
-            offsets.append(offset)
-    return len(normals)
+    return _different(
+        target.patches,
+        pose.pairs[pose.distance2 < params.agreeing_distance2, 0],
+        params.same_plane_rad,
+        params.same_plane_mm,
+    )
+
+
+@compiled
+def _different(patches: Patches, chosen: IntArray, same_rad: float, same_mm: float) -> int:
+    different, n = np.empty(chosen.size, np.int64), 0
+    for i in chosen:
+        new = True
+        for k in different[:n]:
+            away2 = 0.0
+            for u in range(3):
+                away2 += (patches.normal[i, u] - patches.normal[k, u]) ** 2
+            apart = abs(patches.offset_mm[i] - patches.offset_mm[k]) > same_mm
+            new = new and (np.sqrt(away2) > same_rad or apart)
+        if new:
+            different[n] = i
+            n += 1
+    return n
 
 
 def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams) -> bool:
@@ -109,10 +121,12 @@ def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams)
     return not bool(uncertainty(pose, pose.information, target, params)[1].size)
 
 
-def transform(pose: Settled) -> RigidTransform:
-    """The pose as a transform."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.shift_mm
+def transforms(poses: list[Settled]) -> RigidTransform:
+    """The poses as as many transforms."""
+    matrix = np.zeros((len(poses), 4, 4))
+    matrix[:, 3, 3] = 1.0
+    matrix[:, :3, :3] = [pose.rotation for pose in poses]
+    matrix[:, :3, 3] = [pose.shift_mm for pose in poses]
     return RigidTransform.from_matrix(matrix)
 
 
@@ -128,7 +142,7 @@ def uncertainty(
     are of a perturbation on the left about the target's origin.
     """
     weight = target.patches.area_mm2[pose.pairs[:, 0]]
-    centre = np.average(target.patches.centroid_mm[pose.pairs[:, 0]], axis=0, weights=weight)
+    centre = weight @ target.patches.centroid_mm[pose.pairs[:, 0]] / weight.sum()
     # v_centre = v + w x centre: what the perturbation (w, v) moves the centre by.
     about_centre = np.eye(6)
     about_centre[3:, :3] = -_cross(centre)
