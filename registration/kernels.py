@@ -26,6 +26,15 @@ def compiled(function: F) -> F:
     return loop
 
 
+def inlined(function: F) -> F:
+    """Compile what compiled loops call in their innermost round, into each of them.
+
+    A call that hands over a dozen arrays costs as much as small algebra itself.
+    """
+    part: F = numba.njit(inline="always")(function)
+    return part
+
+
 def forget_stale(package: Path) -> bool:
     """Delete all cached kernels of a package when any of its sources has changed since.
 

@@ -285,7 +285,7 @@ def _finish(
     )  # fmt: skip
     widened(
         target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely,
-        found.floor_mm[c], r, t, found.sure[c],
+        found.floor_mm[c], r, t, found.sure[c], 0.0,
     )  # fmt: skip
     compare_both(target, source, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
     found.score[c] = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]

@@ -168,6 +168,26 @@ class MatchParams:
 
 
 @dataclass(frozen=True)
+class WholePlaneParams:
+    """Pieces of one plane put together, when the answer has been found.
+
+    distance2: squared distance (three degrees of freedom) within which pieces are of one plane.
+    loosest_mm: how well it must be known where a piece should lie (standard deviation).
+    rounds: planes of one view that join in with those of the other, one after the other.
+    most_floor_mm: a larger systematic error bends planes: their pieces are left apart.
+    floor_share: of the systematic error, what pieces of a plane do not have in common.
+    moved_distance2: squared distance (six degrees of freedom) by which the pose may move.
+    """
+
+    distance2: float = 9.0
+    loosest_mm: float = 1.0
+    rounds: int = 6
+    most_floor_mm: float = 0.12
+    floor_share: float = 0.5
+    moved_distance2: float = 22.5
+
+
+@dataclass(frozen=True)
 class DecisionParams:
     """When an answer is given.
 
@@ -215,3 +235,4 @@ class GaussSphereParams:
     verification: VerificationParams = field(default_factory=VerificationParams)
     match: MatchParams = field(default_factory=MatchParams)
     decision: DecisionParams = field(default_factory=DecisionParams)
+    whole_planes: WholePlaneParams = field(default_factory=WholePlaneParams)

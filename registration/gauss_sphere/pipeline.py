@@ -9,7 +9,7 @@ import numpy as np
 
 from registration.gauss_sphere.beams import Fan, fan_of
 from registration.gauss_sphere.calibrated import Known, read_known
-from registration.gauss_sphere.decision import judge, sliding
+from registration.gauss_sphere.decision import judge, sliding, transform
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import labels
 from registration.gauss_sphere.matching import settle_best
@@ -20,6 +20,7 @@ from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.straightening import straightened
 from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View, rank, view_of
+from registration.gauss_sphere.whole_planes import by_whole_planes
 from registration.result import RegistrationResult
 from registration.scan import Scan
 
@@ -94,6 +95,14 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
             "no pose lays two planes of one view on planes of the other: the views may not overlap",
         )
     result = judge(settled, target, source, params.decision)
+    if result.status == "ok" and params.calibration:
+        refined = by_whole_planes(settled[0], target.patches, source.patches, params)
+        covariance = np.linalg.inv(refined.sure)
+        result = replace(
+            result,
+            T_target_source=transform(refined),
+            covariance=0.5 * (covariance + covariance.T),
+        )
     planes = PlaneEvidence(target, source, settled[0].pairs, settled[0].distance2)
     stage_ms = {
         "rotation": 1e3 * (turned - started),

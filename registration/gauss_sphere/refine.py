@@ -8,16 +8,13 @@ import numpy as np
 
 from registration.gauss_sphere.params import RefineParams
 from registration.gauss_sphere.patches import Patches
-from registration.gauss_sphere.small_matrices import (
-    apply_step,
-    invert_symmetric3,
-    solve_damped6,
-)
+from registration.gauss_sphere.plane_pairs import compare, no_difference, squared_distance
+from registration.gauss_sphere.small_matrices import apply_step, solve_damped6
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 ROUGHLY, EXACTLY = 1e-3, 1e-6  # gain in log likelihood at which a maximum is reached
-WIDENING_STEPS = 16
+WIDENING_STEPS, LEAST_FLOOR_MM = 16, 1e-4
 
 
 class Likelihood(NamedTuple):
@@ -98,13 +95,15 @@ def widened(
     r: FloatArray,
     t: FloatArray,
     information: FloatArray,
+    doubt: float,
 ) -> None:
     """The information under the least systematic error that explains the planes' disagreement.
 
     Maximising sharpens on the planes that agree; how sure the pose is must be told by all: their
     squared distances sum to the degrees of freedom, at most, or the error of every plane is larger.
 
-    information: (6, 6) out, for a floor of floor_mm or more.
+    information: (6, 6) out, for a floor of floor_mm or more. doubt: how much more than the degrees
+    of freedom the squared distances may sum to before it is more, in standard deviations.
     """
     gradient, distance2 = np.empty(6), np.empty(pairs.shape[0])
     freedom = max(3 * pairs.shape[0] - 6, 1)
@@ -115,10 +114,10 @@ def widened(
         total = 0.0
         for d2 in distance2:
             total += min(d2, likely.capped_distance2)
-        if total > freedom:
-            low = floor
-        elif step == 0:
+        if step == 0 and total <= freedom + doubt * np.sqrt(2.0 * freedom):
             break
+        if total > freedom:
+            low = max(floor, LEAST_FLOOR_MM)
         else:
             high = floor
         floor = np.sqrt(low * high)
@@ -196,73 +195,20 @@ def _accumulate(
     distance2: FloatArray,
 ) -> float:
     """The cost of a pose, its gradient and Gauss-Newton Hessian."""
-    ca, ea, cov_a = target.centroid_mm, target.basis, target.covariance
-    nb, cb, eb, cov_b = source.normal, source.centroid_mm, source.basis, source.covariance
-    tail, offset_floor, tilt_floor = likely.tail, floor_mm, floor_mm / likely.lever_mm
+    tail, tilt_floor = likely.tail, floor_mm / likely.lever_mm
     hessian[:] = 0.0
     gradient[:] = 0.0
     cost = 0.0
-    n, c, d = np.empty(3), np.empty(3), np.empty(3)
-    f = np.empty((2, 3))
-    map_b, mapped = np.empty((3, 3)), np.empty((3, 3))
-    spread, weight = np.empty((3, 3)), np.empty((3, 3))
-    jacobian, residual, pull = np.zeros((3, 6)), np.empty(3), np.empty(3)
+    difference = no_difference()
+    weight, pull, jacobian = difference.weight, difference.pull, difference.jacobian
     for m in range(pairs.shape[0]):
         i, k = pairs[m, 0], pairs[m, 1]
-        for u in range(3):
-            n[u] = r[u, 0] * nb[k, 0] + r[u, 1] * nb[k, 1] + r[u, 2] * nb[k, 2]
-            c[u] = t[u] + r[u, 0] * cb[k, 0] + r[u, 1] * cb[k, 1] + r[u, 2] * cb[k, 2]
-            for v in range(2):
-                f[v, u] = r[u, 0] * eb[k, v, 0] + r[u, 1] * eb[k, v, 1] + r[u, 2] * eb[k, v, 2]
-        # Source plane in the target patch's coordinates: two tilts, offset at its centroid.
-        for u in range(3):
-            d[u] = c[u] - ca[i, u]
-        residual[2] = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
-        for v in range(2):
-            e = ea[i, v]
-            residual[v] = e[0] * n[0] + e[1] * n[1] + e[2] * n[2]
-            for w in range(2):
-                map_b[v, w] = e[0] * f[w, 0] + e[1] * f[w, 1] + e[2] * f[w, 2]
-            map_b[v, 2] = 0.0
-            map_b[2, v] = f[v, 0] * d[0] + f[v, 1] * d[1] + f[v, 2] * d[2]
-        map_b[2, 2] = 1.0
-        # Covariance of the difference: cov_a + map_b cov_b map_b^T, map_b = [[m, 0], [l, 1]].
-        for u in range(3):
-            for v in range(3):
-                mapped[u, v] = map_b[u, 0] * cov_b[k, 0, v] + map_b[u, 1] * cov_b[k, 1, v]
-        for v in range(3):
-            mapped[2, v] += cov_b[k, 2, v]
-        for u in range(3):
-            for v in range(u + 1):
-                total = mapped[u, 0] * map_b[v, 0] + mapped[u, 1] * map_b[v, 1]
-                if v == 2:
-                    total += mapped[u, 2]
-                spread[u, v] = cov_a[i, u, v] + total
-                spread[v, u] = spread[u, v]
-        spread[0, 0] += tilt_floor * tilt_floor
-        spread[1, 1] += tilt_floor * tilt_floor
-        spread[2, 2] += offset_floor * offset_floor
-        invert_symmetric3(spread, weight)
-        for u in range(3):
-            pull[u] = 0.0
-            for v in range(3):
-                pull[u] += weight[u, v] * residual[v]
-        d2 = residual[0] * pull[0] + residual[1] * pull[1] + residual[2] * pull[2]
+        compare(target, i, source, k, r, t, tilt_floor, floor_mm, difference)
+        d2 = squared_distance(difference)
         distance2[m] = d2
         # Cauchy: cost tail log(1 + d2 / tail).
         robust = 1.0 / (1.0 + d2 / tail)
         cost += tail * np.log1p(d2 / tail)
-        for v in range(2):
-            e = ea[i, v]
-            jacobian[v, 0] = n[1] * e[2] - n[2] * e[1]
-            jacobian[v, 1] = n[2] * e[0] - n[0] * e[2]
-            jacobian[v, 2] = n[0] * e[1] - n[1] * e[0]
-        # offset = n . (c - ca): n turns, c moves with the pose about the origin.
-        jacobian[2, 0] = -(n[1] * ca[i, 2] - n[2] * ca[i, 1])
-        jacobian[2, 1] = -(n[2] * ca[i, 0] - n[0] * ca[i, 2])
-        jacobian[2, 2] = -(n[0] * ca[i, 1] - n[1] * ca[i, 0])
-        for u in range(3):
-            jacobian[2, 3 + u] = n[u]
         for u in range(6):
             j0, j1, j2 = jacobian[0, u], jacobian[1, u], jacobian[2, u]
             gradient[u] += robust * (j0 * pull[0] + j1 * pull[1] + j2 * pull[2])

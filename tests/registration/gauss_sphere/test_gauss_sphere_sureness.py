@@ -36,7 +36,7 @@ def informations(target: Patches, source: Patches) -> tuple[FloatArray, FloatArr
     agreeing, sure, distance2 = np.empty((6, 6)), np.empty((6, 6)), np.empty(n)
     likely = likelihood(RefineParams())
     maximise(target, source, pairs, likely, 0.005, r, t, agreeing, distance2, EXACTLY)
-    widened(target, source, pairs, likely, 0.005, r, t, sure)
+    widened(target, source, pairs, likely, 0.005, r, t, sure, 0.0)
     return agreeing, sure
 
 

@@ -1,0 +1,221 @@
+"""Pieces of one plane put together, and the pose that whole planes make likely."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import eigh
+
+from registration.gauss_sphere.matching import Settled
+from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.patches import Patches
+from registration.gauss_sphere.plane_pairs import (
+    Difference,
+    compare,
+    no_difference,
+    squared_distance,
+)
+from registration.gauss_sphere.refine import EXACTLY, Likelihood, likelihood, maximise, widened
+from registration.gauss_sphere.small_matrices import invert_symmetric3
+from registration.kernels import compiled
+from registration.scan import FloatArray, IntArray
+
+LEAST_COSINE = 0.98
+DOUBT, NEARLY = 2.0, 0.5
+BARELY = 1e-6  # of what was known before: enough to invert what leaves a direction open
+
+
+class Joining(NamedTuple):
+    """WholePlaneParams as the compiled loops take them; floor_mm: systematic error of a piece."""
+
+    floor_mm: float
+    distance2: float
+    loosest_mm: float
+    rounds: int
+
+
+def by_whole_planes(
+    best: Settled, target: Patches, source: Patches, params: GaussSphereParams
+) -> Settled:
+    """The settled pose, refined by whole planes.
+
+    A table seen between the things on it is many pieces, and of a wall one view may see the left
+    and the other the right: the pose was settled by pieces that lie on each other. Once it is
+    known, pieces of one plane count as one, whether a point of both views lies on them or not.
+    Only for scans whose bias is known: pieces of a plane that it bends do not line up, and would
+    make the pose look surer than it is. The pose stays as it was where its planes agree only under
+    a large systematic error, and where it would leave its own covariance.
+    """
+    how = params.whole_planes
+    agreeing = best.distance2 < how.distance2
+    if best.floor_mm > how.most_floor_mm or agreeing.sum() < 3:
+        return best
+    joining = Joining(how.floor_share * best.floor_mm, how.distance2, how.loosest_mm, how.rounds)
+    r, t, sure = best.rotation.copy(), best.shift_mm.copy(), best.sure.copy()
+    likely = likelihood(params.refine)
+    _refine(target, source, best.pairs[agreeing], likely, joining, r, t, sure)
+    if _moved2(best, r, t) > how.moved_distance2 or not _surer(sure, best.sure):
+        return best
+    return best._replace(rotation=r, shift_mm=t, sure=sure)
+
+
+def _moved2(best: Settled, r: FloatArray, t: FloatArray) -> float:
+    """Squared distance from the settled pose, in units of its covariance."""
+    turn = r @ best.rotation.T
+    step = np.empty(6)
+    step[:3] = 0.5 * np.array(
+        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+    )
+    step[3:] = t - turn @ best.shift_mm
+    return float(step @ best.sure @ step)
+
+
+def _surer(sure: FloatArray, before: FloatArray) -> bool:
+    """Whether no direction is known clearly worse than before."""
+    least = eigh(sure, before, eigvals_only=True, subset_by_index=[0, 0])
+    return bool(least[0] > NEARLY)
+
+
+@compiled
+def put_together(patches: Patches, lever_mm: float, joining: Joining) -> tuple[Patches, IntArray]:
+    """Whole planes of one view, and which of them each patch (m,) is a piece of.
+
+    A piece belongs to a plane when its tilts and its offset are, within the noise, those of the
+    plane; and the plane must be known well enough to say. The sum of two is what fitting all their
+    points would give.
+    """
+    m = patches.n_points.size
+    pieces = _copy(patches)
+    for j in range(m):
+        pieces.covariance[j, 0, 0] += (joining.floor_mm / lever_mm) ** 2
+        pieces.covariance[j, 1, 1] += (joining.floor_mm / lever_mm) ** 2
+        pieces.covariance[j, 2, 2] += joining.floor_mm**2
+    whole, whole_of = _copy(pieces), np.empty(m, np.int64)
+    unturned, unmoved = np.eye(3), np.zeros(3)
+    difference = no_difference()
+    n = 0
+    for j in range(m):
+        best, nearest2 = -1, joining.distance2
+        for g in range(n):
+            cosine = compare(pieces, j, whole, g, unturned, unmoved, 0.0, 0.0, difference)
+            if cosine < LEAST_COSINE or difference.spread[2, 2] > joining.loosest_mm**2:
+                continue
+            d2 = squared_distance(difference)
+            if d2 < nearest2:
+                best, nearest2 = g, d2
+        if best < 0:
+            best = n
+            n += 1
+            whole.normal[best] = pieces.normal[j]
+            whole.centroid_mm[best] = pieces.centroid_mm[j]
+            whole.basis[best] = pieces.basis[j]
+            whole.covariance[best] = pieces.covariance[j]
+            whole.area_mm2[best] = pieces.area_mm2[j]
+        else:
+            compare(whole, best, pieces, j, unturned, unmoved, 0.0, 0.0, difference)
+            _add(whole, best, pieces.area_mm2[j], difference)
+        whole_of[j] = best
+    return _first(whole, n), whole_of
+
+
+@compiled
+def _copy(p: Patches) -> Patches:
+    return Patches(
+        p.normal.copy(), p.offset_mm, p.centroid_mm.copy(), p.basis.copy(), p.covariance.copy(),
+        p.spread_mm, p.n_points, p.area_mm2.copy(), p.chi2, p.label,
+    )  # fmt: skip
+
+
+@compiled
+def _first(p: Patches, n: int) -> Patches:
+    return Patches(
+        p.normal[:n], p.offset_mm[:n], p.centroid_mm[:n], p.basis[:n], p.covariance[:n],
+        p.spread_mm[:n], p.n_points[:n], p.area_mm2[:n], p.chi2[:n], p.label,
+    )  # fmt: skip
+
+
+@compiled
+def _add(whole: Patches, g: int, area_mm2: float, difference: Difference) -> None:
+    """Add a piece, seen in the coordinates of plane g, to it: each weighs by its covariance."""
+    of_whole, of_piece = np.empty((3, 3)), np.empty((3, 3))
+    invert_symmetric3(whole.covariance[g], of_whole)
+    invert_symmetric3(difference.spread - whole.covariance[g], of_piece)
+    together = np.empty((3, 3))
+    invert_symmetric3(of_whole + of_piece, together)
+    pull, step = np.zeros(3), np.zeros(3)
+    for u in range(3):
+        for v in range(3):
+            pull[u] += of_piece[u, v] * difference.residual[v]
+    for u in range(3):
+        for v in range(3):
+            step[u] += together[u, v] * pull[v]
+    normal, basis = whole.normal[g], whole.basis[g]
+    whole.centroid_mm[g] += step[2] * normal
+    normal += step[0] * basis[0] + step[1] * basis[1]
+    normal /= np.sqrt((normal**2).sum())
+    for v in range(2):
+        basis[v] -= (basis[v] * normal).sum() * normal
+        if v == 1:
+            basis[1] -= (basis[1] * basis[0]).sum() * basis[0]
+        basis[v] /= np.sqrt((basis[v] ** 2).sum())
+    whole.covariance[g] = together
+    whole.area_mm2[g] += area_mm2
+
+
+@compiled
+def _refine(
+    target: Patches,
+    source: Patches,
+    agreeing: IntArray,
+    likely: Likelihood,
+    joining: Joining,
+    r: FloatArray,
+    t: FloatArray,
+    sure: FloatArray,
+) -> None:
+    """Refine the pose r, t in place by the whole planes of the pairs that agree, and by others.
+
+    After each refinement the plane of which the pose foretells best where the other view should
+    see it joins in, if it does see it there. sure: (6, 6) out.
+    """
+    whole_a, of_a = put_together(target, likely.lever_mm, joining)
+    whole_b, of_b = put_together(source, likely.lever_mm, joining)
+    n_a, n_b = whole_a.normal.shape[0], whole_b.normal.shape[0]
+    joined = np.zeros((n_a, n_b), np.bool_)
+    pairs = np.empty((n_a * n_b, 2), np.int64)
+    n = 0
+    for m in range(agreeing.shape[0]):
+        i, k = of_a[agreeing[m, 0]], of_b[agreeing[m, 1]]
+        if not joined[i, k]:
+            joined[i, k] = True
+            pairs[n, 0], pairs[n, 1] = i, k
+            n += 1
+    distance2, information = np.empty(n_a * n_b), np.empty((6, 6))
+    difference = no_difference()
+    before = sure.copy()
+    for done in range(joining.rounds + 1):
+        maximise(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, information, distance2, EXACTLY)
+        widened(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, sure, DOUBT)
+        if done == joining.rounds:
+            break
+        covariance = np.linalg.inv(sure + BARELY * before)
+        best_i, best_k, least = -1, -1, joining.loosest_mm**2
+        for i in range(n_a):
+            for k in range(n_b):
+                if joined[i, k]:
+                    continue
+                cosine = compare(whole_a, i, whole_b, k, r, t, 0.0, 0.0, difference)
+                if cosine < LEAST_COSINE:
+                    continue
+                jacobian = difference.jacobian
+                difference.spread[:] += jacobian @ covariance @ jacobian.T
+                if difference.spread[2, 2] > least:
+                    continue
+                if squared_distance(difference) < joining.distance2:
+                    best_i, best_k, least = i, k, difference.spread[2, 2]
+        if best_i < 0:
+            break
+        joined[best_i, best_k] = True
+        pairs[n, 0], pairs[n, 1] = best_i, best_k
+        n += 1
