@@ -15,6 +15,9 @@ from pydantic import BaseModel, Discriminator, Tag, ValidationError
 Key = tuple[str | int, ...]
 UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")  # of a model, of a dataclass
 
+# What YAML has in place of what JSON calls them.
+WORDS = {"a valid array": "a list", "a valid tuple": "a list"}
+
 
 class ConfigError(ValueError):
     """A configuration that cannot be run; the message is the whole line that the user needs."""
@@ -50,7 +53,7 @@ def first_problem(error: ValidationError, model: Any) -> tuple[Key, str]:
         return key, f"needs at least {problem['ctx']['min_length']} entry"
     message = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if message != problem["msg"].removeprefix("Value error, "):
-        message = f"should be {message}"
+        message = f"should be {WORDS.get(message, message)}"
     given = problem.get("input")
     if isinstance(given, str | int | float | bool) or given is None:
         shown = "nothing" if given is None else repr(given)

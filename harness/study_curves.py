@@ -105,7 +105,7 @@ def curves_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, str
         spans.append((best["Right"] - worst["Right"], len(spans), _named(name), best, worst))
     spans.sort(key=lambda span: -span[0])
 
-    def told(end: int) -> str:
+    def told(end: int) -> tuple[str, list[str]]:
         _, place, name, best, worst = spans[end]
         sign = 1.0 if end == 0 else -1.0
         alike = [
@@ -115,14 +115,16 @@ def curves_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, str
             and np.quantile(sign * (drawn[:, place] - drawn[:, at]), 0.5 - LEVEL / 2) <= 0.0
         ]
         beside = f"; not told apart: {listed(alike)}" if alike else ""
-        return (
+        text = (
             f"{name} ({worst['Right']:.0%} right at {worst['Value']:g}, {best['Right']:.0%} at "
             f"{best['Value']:g}{beside})"
         )
+        return text, alike
 
-    first = f"Success of {method} hangs most on {told(0)}"
-    if len(spans) > 1:
-        first += f", least on {told(-1)}"
+    most, as_much = told(0)
+    first = f"Success of {method} hangs most on {most}"
+    if len(spans) > 1 and spans[-1][2] not in as_much:
+        first += f", least on {told(-1)[0]}"
     tested = own[own["As it is"] == ""]
     sure = tested[beyond_chance(tested["p"].tolist())]
     better, worse = sure[sure["Gained"] > sure["Lost"]], sure[sure["Gained"] < sure["Lost"]]

@@ -67,11 +67,15 @@ def run_part(
         name=session.folder.name,
         title=session.experiment.title,
         description=session.experiment.description,
-        sentence=answer_sentence(session.experiment, rows),
-        answer=answer_table(session.experiment, rows),
+        sentence=_sentence(session, rows, tables),
+        # Over points of a sweep taken together it would say how they were chosen.
+        answer=answer_table(session.experiment, rows) if sweep is None else None,
         tables=[table for table in named if table.name not in SENSOR_TABLES],
         sensor=[table for table in named if table.name in SENSOR_TABLES],
-        figures=sorted((session.folder / "figures").glob("*.png")),
+        figures=sorted(
+            (session.folder / "figures").glob("*.png"),
+            key=lambda file: (not file.name.startswith("study_"), file.name),
+        ),
         failures=failures_markup(failures, command, records.keys(), folder, prefix),
         config=_text(session.folder / "config.yaml"),
         facts=_text(session.folder / "run.json"),
@@ -83,6 +87,15 @@ def run_part(
     own = [key for key, found in records.items() if found["method"] == main]
     first = min(own, key=lambda key: records[key]["repeat"], default="")
     return part, Shown(records, folders, _listed(rows, command), first)
+
+
+def _sentence(session: Session, rows: pd.DataFrame, tables: Sequence[Table]) -> str:
+    """The answer: of a study its conclusion, of another sweep what all its points sum up to."""
+    told = [table.note for table in tables if table.name.startswith("study_") and table.note]
+    if told:
+        return " ".join(told[0].split())
+    summed = answer_sentence(session.experiment, rows)
+    return summed if session.experiment.sweep is None else f"All points together: {summed}"
 
 
 def plain_part(folder: Path, title: str, description: str, tables: Sequence[Table]) -> Part:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from pathlib import Path
 
 import pandas as pd
@@ -42,6 +43,9 @@ def test_every_study_runs_and_concludes(
     assert len(conclusion) == 2
     assert all(len(line) > 40 for line in conclusion)
     assert conclusion[0].split()[0] in shown
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    answer = html.unescape(page.partition('class="answer">')[2].partition("</p>")[0])
+    assert answer == " ".join(conclusion)
     pictures = list((tmp_path / "figures").glob("study_*.png"))
     assert pictures
     assert all(picture.stat().st_size > 5000 for picture in pictures)

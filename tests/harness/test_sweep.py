@@ -133,7 +133,7 @@ def test_saltelli_changes_one_column_at_a_time() -> None:
     ("sweep", "message"),
     [
         ("{over: {}}", "sweep.over: needs at least 1 entry"),
-        ("{over: {scan.step_mm: 3}}", "sweep.over.scan.step_mm: should be a valid"),
+        ("{over: {scan.step_mm: 3}}", "sweep.over.scan.step_mm: should be a list, not 3"),
         ("{over: {scan.step_mm: [3, -1]}}",
          "sweep.over: point 1 (scan.step_mm=-1): scan.step_mm: should be greater than 0, not -1"),
         (f"{{over: {{{WARP}: [3, yes]}}}}", f"point 1 ({WARP}=True): methods.0.params.segments"),
