@@ -9,7 +9,7 @@ import numpy as np
 
 from registration.gauss_sphere.beams import Fan, fan_of
 from registration.gauss_sphere.calibrated import Known, read_known
-from registration.gauss_sphere.decision import judge, sliding, transform
+from registration.gauss_sphere.decision import judge, sliding, transforms
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import labels
 from registration.gauss_sphere.matching import settle_best
@@ -100,7 +100,7 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
         covariance = np.linalg.inv(refined.sure)
         result = replace(
             result,
-            T_target_source=transform(refined),
+            T_target_source=transforms([refined])[0],
             covariance=0.5 * (covariance + covariance.T),
         )
     planes = PlaneEvidence(target, source, settled[0].pairs, settled[0].distance2)
