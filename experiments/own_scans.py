@@ -18,6 +18,7 @@ from experiments.cli import EXIT_FAILED, EXIT_OK
 from experiments.terminal import make_console
 from harness.clouds import SOURCE_RGB, TARGET_RGB, measured_points, write_cloud
 from harness.config_errors import ConfigError
+from harness.provenance import run_facts
 from harness.report.own_page import write_own_page
 from harness.scoring import six_parameters
 from registration.calibration import CalibrationError, read_calibration
@@ -56,6 +57,7 @@ def register_files(
     if not (target.n_valid and source.n_valid):
         return EXIT_FAILED
     pose = result.T_target_source
+    made = run_facts("")
     facts = {
         "target": str(target_file),
         "source": str(source_file),
@@ -63,8 +65,10 @@ def register_files(
         "calibration": None if calibration_file is None else str(calibration_file),
         "status": result.status,
         "reason": result.reason,
+        "stage": result.stage,
         "T_target_source": None if pose is None else pose.as_matrix().tolist(),
         "covariance": None if result.covariance is None else result.covariance.tolist(),
+        **{key: made[key] for key in ("commit", "python", "libraries")},
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)

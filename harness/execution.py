@@ -114,6 +114,7 @@ def _perform(trial: Trial) -> Outcome:
             undetermined=result.undetermined,
             counts=_counts(target, source, result),
             stage_ms=stage_ms,
+            stage=result.stage,
         ),
         PairView(
             pair=trial.pair,

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from harness.store_file import FILE_NAME as FILE_NAME
-from harness.store_file import Lock, connect, packed, telling
+from harness.store_file import STOPPED, Lock, connect, packed, telling
 from harness.store_file import StoreError as StoreError
 from harness.store_load import load as load
 from harness.sweep import Point
@@ -36,6 +36,7 @@ class Row:
     bounds: Cramer-Rao bounds (2, 6, 6) of the pose, see harness.common_points.
     counts: points, segments, patches and so on, by name.
     stage_ms: wall times; all else is the same in every run.
+    stage: where the method stopped, as it says; "" where it does not.
     """
 
     id: str
@@ -55,6 +56,7 @@ class Row:
     undetermined: np.ndarray[Any, np.dtype[np.float64]] | None = None
     counts: dict[str, int] = field(default_factory=dict)
     stage_ms: dict[str, float] = field(default_factory=dict)
+    stage: str = ""
 
 
 class Store:
@@ -75,6 +77,8 @@ class Store:
         self._lock = Lock(folder)
         try:
             self._connection = connect(self.path)
+            with telling(self.path):
+                self._connection.execute(STOPPED)
         except StoreError:
             self._lock.release()
             raise
@@ -181,6 +185,9 @@ class Store:
         )  # fmt: skip
         marks = ", ".join("?" * len(values))
         connection.execute(f"INSERT OR REPLACE INTO trials VALUES ({marks})", values)
+        connection.execute("DELETE FROM stopped WHERE id = ?", (row.id,))
+        if row.stage:
+            connection.execute("INSERT INTO stopped VALUES (?, ?)", (row.id, row.stage))
         stages = self._number_of(connection, row.stage_ms)
         connection.execute(
             "INSERT OR REPLACE INTO timings VALUES (?, ?, ?, ?)",

@@ -86,6 +86,16 @@ CREATE TABLE drawings (
 """
 
 
+# Beside the rows and not in them: stores that were written before it are of the same version.
+STOPPED = """
+-- At which stage the method stopped, for the trials of which it says so.
+CREATE TABLE IF NOT EXISTS stopped (
+    id TEXT PRIMARY KEY REFERENCES trials (id),
+    stage TEXT NOT NULL
+) STRICT;
+"""
+
+
 class StoreError(RuntimeError):
     """A store that cannot be used; the message says the way out."""
 
@@ -103,7 +113,7 @@ def connect(path: Path) -> sqlite3.Connection:
         if version == 0 and not connection.execute("SELECT * FROM sqlite_master").fetchall():
             connection.execute("PRAGMA journal_mode = WAL")
             connection.executescript(
-                f"BEGIN; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT"
+                f"BEGIN; {_SCHEMA} {STOPPED} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT"
             )
             version = SCHEMA_VERSION
         # What is committed outlives a kill of the process; only a loss of power may cost the end.

@@ -39,7 +39,7 @@ FETCHED = 20_000  # rows at a time
 def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.DataFrame:
     """The rows of a results folder's present configuration, one a trial that has been run.
 
-    Columns: id, pair, method, given, repeat, status, reason, traceback; rotation_error_deg,
+    Columns: id, pair, method, given, repeat, status, reason, traceback, stage; rotation_error_deg,
     translation_error_mm; overlap_target, overlap_source (fractions); exact_*, theoretical_*,
     estimated_* and error_* of the six parameters (rotation_x_deg .. rotation_z_deg, x_mm .. z_mm);
     n_* counts; ms_* wall times. Of a sweep also sweep.point, the number of the point;
@@ -59,6 +59,7 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
         wanted = ["id", "status", "reason", *NUMBERS, "count_names", "counts", *POSES]
         wanted += [*(ARRAYS if arrays else ()), *(["spec"] if specs else ())]
         rows = _columns(connection, f"SELECT {', '.join(wanted)} FROM trials")
+        stopped = _stopped(connection)
         failed = dict(connection.execute("SELECT id, traceback FROM trials WHERE traceback != ''"))
         times = _columns(connection, "SELECT id, stage_names, stage_ms FROM timings")
         names = dict(connection.execute("SELECT number, text FROM names"))
@@ -76,6 +77,7 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
     for name in ("status", "reason"):
         frame[name] = _texts(rows[name])
     frame["traceback"] = frame["id"].map(failed).fillna("") if failed else ""
+    frame["stage"] = frame["id"].map(stopped).fillna("") if stopped else ""
     blocks = [frame, _points(run["point"], points, keys)]
     if specs:
         full = [_full_spec(spec, parts) for spec in rows["spec"]]
@@ -90,6 +92,14 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
     blocks.append(_spread(TIMES, times["stage_names"], times["stage_ms"], names))
     blocks.append(_parameters(poses))
     return pd.concat(blocks, axis=1)
+
+
+def _stopped(connection: sqlite3.Connection) -> dict[str, str]:
+    """By id, the stage at which the method stopped; nothing in a store that is older than that."""
+    query = "SELECT * FROM sqlite_master WHERE name = 'stopped'"
+    if not connection.execute(query).fetchall():
+        return {}
+    return dict(connection.execute("SELECT id, stage FROM stopped"))
 
 
 def _columns(connection: sqlite3.Connection, query: str) -> dict[str, NDArray[np.object_]]:

@@ -76,16 +76,18 @@ def write_tables(tables: Iterable[Table], folder: Path) -> list[Path]:
     for old in folder.iterdir():
         if old.suffix in (".csv", ".md", ".tex"):
             old.unlink()
-    files = []
-    for table in tables:
-        csv = folder / f"{table.name}.csv"
-        csv.write_text(table.csv(), encoding="utf-8")
-        (folder / f"{table.name}.md").write_text(
-            f"**{table.title}.** {table.legend}\n\n{table.grid('github')}\n", encoding="utf-8"
-        )
-        (folder / f"{table.name}.tex").write_text(table.latex(), encoding="utf-8")
-        files.append(csv)
-    return files
+    return [write_table(table, folder) for table in tables]
+
+
+def write_table(table: Table, folder: Path) -> Path:
+    """Write one table beside others as csv, md and tex; returns the csv."""
+    csv = folder / f"{table.name}.csv"
+    csv.write_text(table.csv(), encoding="utf-8")
+    (folder / f"{table.name}.md").write_text(
+        f"**{table.title}.** {table.legend}\n\n{table.grid('github')}\n", encoding="utf-8"
+    )
+    (folder / f"{table.name}.tex").write_text(table.latex(), encoding="utf-8")
+    return csv
 
 
 def printed(value: object, specification: str) -> str:

@@ -11,6 +11,10 @@ from scipy.spatial.transform import RigidTransform
 from registration.scan import FloatArray
 
 Status = Literal["ok", "ambiguous", "underdetermined", "failed"]
+STAGES = (
+    "scan", "segments", "patches", "rotation", "translation", "verification", "scene", "decision",
+    "refinement",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,8 @@ class RegistrationResult:
     T_target_source: p_target = T p_source in mm, or None when none could be decided; never an
         identity in place of a failure.
     status, reason: "ok" has an empty reason, every other status says why.
+    stage: where the method stopped believing when the status is not "ok", as "patches"; "" where it
+        does not say. Methods of this package use STAGES.
     covariance: (6, 6) of (rotation vector rad, translation mm), a perturbation applied on the left
         of T_target_source (in the target frame), or None when the method does not estimate it.
     undetermined: (k, 6) unit directions of the same coordinates that the scans leave open.
@@ -44,6 +50,7 @@ class RegistrationResult:
     candidates: tuple[Candidate, ...] = ()
     stage_ms: dict[str, float] = field(default_factory=dict)
     evidence: dict[str, Any] = field(default_factory=dict)
+    stage: str = ""
 
     def __post_init__(self) -> None:
         if self.status == "ok" and self.T_target_source is None:

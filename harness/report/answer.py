@@ -125,7 +125,8 @@ def answer_sentence(experiment: Experiment | RandomPairsExperiment, rows: pd.Dat
     others = []
     printed = thesis_score(experiment)
     if printed is not None:
-        others.append(f"the thesis printed {_error(printed)}")
+        several = f", the median of {printed.trials} pairs" if printed.trials > 1 else ""
+        others.append(f"the thesis printed {_error(printed)}{several}")
     peers = [score for score in found if names.get(score.label) in PEERS and score is not main]
     if peers:
         best = max(peers, key=lambda score: (score.right, -score.translation_mm))

@@ -44,7 +44,7 @@ def failures_table(rows: pd.DataFrame) -> Table:
             "Status": row["status"],
             "Rotation error (deg)": row["rotation_error_deg"],
             "Translation error (mm)": row["translation_error_mm"],
-            "Stage at fault": stage_at_fault(row["status"], row["reason"], mended[place]),
+            "Stage at fault": stage_at_fault(row["status"], row["stage"], mended[place]),
             "Reason": row["reason"] or "answered without doubt, but wrong",
         }
         for place, row in enumerate(bad.to_dict("records"))
@@ -53,9 +53,9 @@ def failures_table(rows: pd.DataFrame) -> Table:
         "failures_by_stage",
         "Trials without a success, worst first",
         f"Not within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm, or not sure. "
-        "The stage at fault is where the reason was given; of a wrong answer, the stage whose "
-        "result had to be replaced by the truth for the same trial to succeed, where that was "
-        "tried. Empty: nothing tells.",
+        "The stage at fault is where the method says that it stopped; of a wrong answer, the "
+        "stage whose result had to be replaced by the truth for the same trial to succeed, where "
+        "that was tried. Empty: nothing tells.",
         pd.DataFrame(records),
         {"Repeat": "d", "Rotation error (deg)": ".2f", "Translation error (mm)": ".1f"},
     )

@@ -4,28 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-# What the reasons of the methods say, and the stage it was said at; the first that fits.
-SAID_BY = (
-    ("no measured point", "scan"),
-    ("measured points;", "scan"),
-    ("no straight segment", "line segments"),
-    ("but no patch", "patches"),
-    ("has no patches", "patches"),
-    ("no plane found", "patches"),
-    ("planes of one direction", "scene: it leaves a motion open"),
-    ("triplets of normals", "rotation"),
-    ("subtend the angle", "rotation"),
-    ("normals of the best rotation", "rotation"),
-    ("another rotation", "rotation"),
-    ("not coplanar", "rotation"),
-    ("densest intervals", "translation"),
-    ("agree on a translation", "translation"),
-    ("lays two planes", "translation"),
-    ("the best pose lays only", "verification"),
-    ("seen to be empty", "verification"),
-    ("as planes of unrelated scenes", "verification"),
-    ("fit about equally well", "decision: more than one pose fits"),
-)
+# What a reader is told of the stages that results name; others stand as they are.
+TOLD = {
+    "segments": "line segments",
+    "scene": "scene: it leaves a motion open",
+    "decision": "decision: more than one pose fits",
+}
 
 # A wrong answer that the truth in place of one stage's result puts right was that stage's fault.
 MENDED_BY = (
@@ -36,24 +20,23 @@ MENDED_BY = (
 )
 
 
-def stage_at_fault(status: str, reason: str, mended: Mapping[str, bool]) -> str:
+def stage_at_fault(status: str, stage: str, mended: Mapping[str, bool]) -> str:
     """The stage, or "" where nothing tells.
 
-    status, reason: of the trial. mended: by what was given as the truth, whether the same trial
-    then succeeded.
+    status, stage: of the trial; stage is where the method says that it stopped, or "". mended: by
+    what was given as the truth, whether the same trial then succeeded.
     """
     if status == "error":
         return "program"
     if status == "no_overlap":
         return "views: they share nothing"
-    for words, stage in SAID_BY:
-        if words in reason:
-            return stage
+    if stage:
+        return TOLD.get(stage, stage)
     if status == "underdetermined":
-        return "scene: it leaves a motion open"
-    for given, stage in MENDED_BY:
+        return TOLD["scene"]
+    for given, named in MENDED_BY:
         if mended.get(given):
-            return stage
+            return named
     if mended:
         return "more than one stage" if status == "ok" else ""
     return ""

@@ -6,11 +6,14 @@ import html
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from harness.table_files import Table
 
+LONG_TEXT = 60  # characters
 SHOWN_ROWS = 300  # of a long table; the files have it all
+COPIED_ROWS = 5000  # by its buttons
 
 
 def escaped(text: object) -> str:
@@ -54,19 +57,19 @@ def table_markup(
     """
     columns = list(table.frame.columns)
     numeric = [column in table.formats for column in columns]
+    text = replace(table, frame=table.frame.head(SHOWN_ROWS)).text()
+    longest = [max((len(row[i]) for row in text), default=0) for i in range(len(columns))]
     head = "".join(
-        f'<th scope="col"{_right(is_number)}>{escaped(column)}</th>'
-        for column, is_number in zip(columns, numeric, strict=True)
+        f'<th scope="col"{_look(is_number, most)}>{escaped(column)}</th>'
+        for column, is_number, most in zip(columns, numeric, longest, strict=True)
     )
     rows = []
     raw = table.frame.itertuples(index=False)
-    for place, (values, texts) in enumerate(zip(raw, table.text(), strict=True)):
-        if place == SHOWN_ROWS:
-            break
+    for place, (values, texts) in enumerate(zip(raw, text, strict=False)):
         rows.append(
             "<tr>"
             + "".join(
-                f"<td{_sort_key(value)}{_right(is_number)}>"
+                f"<td{_sort_key(value)}{_look(is_number)}>"
                 f"{((cells or {}).get(column) or {}).get(place) or escaped(text)}</td>"
                 for column, value, text, is_number in zip(
                     columns, values, texts, numeric, strict=True
@@ -76,9 +79,12 @@ def table_markup(
         )
     left_out = ""
     if len(table.frame) > SHOWN_ROWS:
+        copied = ""
+        if len(table.frame) > COPIED_ROWS:
+            copied = f", the first {COPIED_ROWS} are copied by the buttons"
         left_out = (
             f'<p class="note">The first {SHOWN_ROWS} of {len(table.frame)} rows; all are in '
-            f"tables/{escaped(table.name)}.csv.</p>"
+            f"tables/{escaped(table.name)}.csv{copied}.</p>"
         )
     legend = "".join(f"<p>{escaped(line)}</p>" for line in table.legend.split("\n") if line)
     return (
@@ -90,8 +96,33 @@ def table_markup(
     )
 
 
-def _right(is_number: bool) -> str:
-    return ' class="n"' if is_number else ""
+def made_by(noted: str, command: str, place: str) -> str:
+    """The config and the versions that made it, in a line; nothing where nobody noted them.
+
+    noted: the text of run.json. place: the element that says it all.
+    """
+    try:
+        facts = json.loads(noted)
+        versions = {"Python": facts["python"], **facts["libraries"]}
+    except (ValueError, KeyError, TypeError):
+        return ""
+    made = [str(facts["started"])[:10]] if "started" in facts else []
+    if isinstance(facts.get("commit"), str):
+        commit, _, changed = facts["commit"].partition("-")
+        made.append(f"commit {commit[:12]}{' and changes' if changed else ''}")
+    made += [f"{name} {version}" for name, version in versions.items()]
+    how = f"<code>{escaped(command)}</code>, " if command else ""
+    return (
+        f'<p class="note">Made by {how}{escaped(", ".join(made))}; '
+        f'<a href="#{escaped(place)}">the whole of it</a>.</p>'
+    )
+
+
+def _look(is_number: bool, longest: int = 0) -> str:
+    """Numbers stand on the right; a column of sentences gets room, or each would be a tower."""
+    if is_number:
+        return ' class="n"'
+    return ' class="long"' if longest > LONG_TEXT else ""
 
 
 def _sort_key(value: object) -> str:

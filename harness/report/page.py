@@ -7,7 +7,7 @@ import functools
 import gzip
 import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +15,24 @@ from harness.figures_page import INK, SOURCE, TARGET
 from harness.figures_planes import NORMAL_COLOURS
 from harness.report.failures import command_markup
 from harness.report.markup import (
+    COPIED_ROWS,
     details,
     embedded_bytes,
     embedded_json,
     escaped,
+    made_by,
     section,
     table_markup,
 )
 from harness.report.packing import compressed
 from harness.report.pair_record import record_path
 from harness.report.pictures import load_pictures, pictures_markup
+from harness.report.study_still import study_still
 from harness.table_files import Table
 
 ASSETS = Path(__file__).parent / "assets"
 FILE_NAME = "report.html"
-SCRIPTS = ("tables.js", "data.js", "traces.js", "panels.js", "pair.js", "studies.js")
+SCRIPTS = ("tables.js", "data.js", "traces.js", "camera.js", "panels.js", "pair.js", "studies.js")
 COLOURS = {"target": TARGET, "source": SOURCE, "ink": INK, "palette": NORMAL_COLOURS}
 LARGEST_BYTES = 15_000_000
 # No script, style, picture or request from anywhere but this file, whatever a text in it says.
@@ -68,13 +71,14 @@ class Shown:
     """What the viewer in 3D offers: records by id, where their files lie, and how to replay one.
 
     trials: rows of the list that is searched, each a mapping of plain values. first: id of the
-    record that is shown before one is chosen.
+    record that is shown before one is chosen. total: how many trials there are, listed or not.
     """
 
     records: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     folders: Mapping[str, Path] = field(default_factory=dict)
     trials: Sequence[Mapping[str, Any]] = ()
     first: str = ""
+    total: int = 0
 
     def joined(self, other: Shown) -> Shown:
         """What two experiments show, in one viewer."""
@@ -83,6 +87,7 @@ class Shown:
             {**self.folders, **other.folders},
             [*self.trials, *other.trials],
             self.first or other.first,
+            self.total + other.total,
         )
 
 
@@ -137,6 +142,7 @@ def _part(part: Part, figures: str, alone: bool, viewer: str) -> str:
     lead = f'<p class="answer">{escaped(part.sentence)}</p>' if part.sentence else ""
     if part.answer is not None:
         lead += table_markup(part.answer, f"{prefix}answer-table")
+    lead += made_by(part.facts, part.command, f"{prefix}made")
     if part.description:
         lead += f'<p class="about">{escaped(part.description)}</p>'
     if lead:
@@ -184,7 +190,8 @@ def _links(parts: Sequence[Part], viewer: bool) -> str:
         names = [(name, text) for name, text, there in sections if there]
     if viewer:
         after_answer = len(parts) == 1 and names[0][0] == "answer"
-        names.insert(int(after_answer), ("pair", "In 3D"))
+        # Of several parts, the first holds it.
+        names.insert(1 if after_answer or len(parts) > 1 else 0, ("pair", "In 3D"))
     return " ".join(f'<a href="#{escaped(name)}">{escaped(text)}</a>' for name, text in names)
 
 
@@ -198,6 +205,7 @@ def viewer_markup(shown: Shown) -> str:
     )
     template = (ASSETS / "viewer.html").read_text(encoding="utf-8")
     template = template.replace("<!--first-->", escaped(shown.first))
+    template = template.replace("<!--total-->", str(max(shown.total, len(shown.trials))))
     return template.replace("<!--options-->", options)
 
 
@@ -231,7 +239,8 @@ def _table_files(parts: Sequence[Part]) -> str:
         answer = () if part.answer is None else (part.answer,)
         for table in (*answer, *part.tables, *part.sensor):
             name = "answer-table" if table is part.answer else table.name
-            texts[f"{prefix}{name}"] = {"csv": table.csv(), "tex": table.latex()}
+            copied = replace(table, frame=table.frame.head(COPIED_ROWS))
+            texts[f"{prefix}{name}"] = {"csv": copied.csv(), "tex": copied.latex()}
     data = base64.b64encode(compressed(texts)).decode("ascii")
     return embedded_bytes(data, "data-tables")
 
@@ -247,7 +256,19 @@ def _plotly() -> str:
 
 def _study_markup(part: Part) -> str:
     template = (ASSETS / "studies.html").read_text(encoding="utf-8")
+    template = template.replace("<!--still-->", _still_markup(part))
     return template.replace("<!--study-->", escaped(f"study-{part.name}"))
+
+
+def _still_markup(part: Part) -> str:
+    """The study for readers without scripts; nothing where the run has figures of its own of it."""
+    if part.study is None or any(file.name.startswith("study_") for file in part.figures):
+        return ""
+    still = base64.b64encode(study_still(part.study)).decode("ascii")
+    return (
+        '<figure class="picture"><img alt="Share of right answers along every swept key" '
+        f'src="data:image/png;base64,{still}"></figure>'
+    )
 
 
 def _studies(parts: Sequence[Part]) -> list[str]:

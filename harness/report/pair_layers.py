@@ -16,13 +16,12 @@ from harness.figures_point_labels import spheres_of
 from harness.pair_view import PairView
 from harness.report.nearness import surface_distance
 from harness.report.packing import packed
-from registration.gauss_sphere.evidence import PlaneEvidence
+from registration.gauss_sphere.evidence import PlaneEvidence, segment_ends, shifts_of_middle
 from registration.gauss_sphere.patches import Patches as Planes
 from registration.scan import FloatArray, IntArray, Scan
 from registration.thesis.evidence import ViewEvidence
 from registration.thesis.gauss_sphere import GaussSphere
 from registration.thesis.patches import Patches
-from registration.thesis.segments import Segments
 from registration.thesis.translation import Shifts
 
 SHOWN_POINTS = 12_000  # of a scan, on a grid of profiles and pixels
@@ -79,6 +78,7 @@ def view_layers(pair: PairView) -> dict[str, Any]:
                     _places(len(view.patches.normal), planes.pairs[:, column]),
                 ),
                 "sphere": _sphere(spheres[column], matches[:, column]),
+                "segments": _ends(segment_ends(view.fan, planes.params)),
             }
             for column, (role, scan, view) in enumerate(
                 (("target", pair.target, planes.target), ("source", pair.source, planes.source))
@@ -103,7 +103,7 @@ def _thesis_layers(pair: PairView) -> dict[str, Any]:
         if view.scan_filtered is not None:
             layer["filtered"] = packed(shown(view.scan_filtered), POINT_STEP_MM)
         if view.segments is not None:
-            layer["segments"] = _segments(view.segments)
+            layer["segments"] = _ends(view.segments.endpoints_mm)
         if len(view.patches):
             places = _places(len(view.sphere), matches[:, column])[view.sphere.member]
             layer["patches"] = _corners(view.patches, places)
@@ -114,7 +114,10 @@ def _thesis_layers(pair: PairView) -> dict[str, Any]:
 
 
 def shift_layer(pair: PairView) -> dict[str, Any] | None:
-    """The shifts between centroids, the chosen region, and the exact translation where known."""
+    """The shifts that were considered, and the chosen region."""
+    planes = pair.result.evidence.get("planes")
+    if isinstance(planes, PlaneEvidence):
+        return _proposed(pair, planes)
     shifts = pair.result.evidence.get("shifts")
     if not isinstance(shifts, Shifts) or len(shifts.weights) == 0:
         return None
@@ -125,6 +128,33 @@ def shift_layer(pair: PairView) -> dict[str, Any] | None:
         "chosen": int(shifts.chosen[order].sum()),
         "total": len(shifts.weights),
         "box": box.tolist(),
+        "text": f"{len(shifts.weights)} shifts between the centroids of patches of like normals; "
+        f"{shifts.chosen.sum()} lie in the densest region (box), whose mean is the translation.",
+    }
+
+
+def _proposed(pair: PairView, planes: PlaneEvidence) -> dict[str, Any] | None:
+    """What the translation stage of gauss_sphere proposed, about the middle of the source."""
+    pose = pair.result.T_target_source
+    if pose is None:
+        return None
+    values, turned_rad, _ = shifts_of_middle(planes, pose.rotation.as_matrix())
+    if not len(values):
+        return None
+    same = planes.params.decision
+    away = values - pose.translation
+    chosen = (turned_rad < same.distinct_rad) & (np.abs(away) < same.distinct_mm).all(axis=1)
+    order = np.argsort(~chosen, kind="stable")[:SHOWN_SHIFTS]
+    box = pose.translation + same.distinct_mm * np.array([[-1.0] * 3, [1.0] * 3])
+    return {
+        "values": packed(values[order], POINT_STEP_MM),
+        "chosen": int(chosen[order].sum()),
+        "total": len(values),
+        "box": box.tolist(),
+        "text": f"{len(values)} shifts that pairs of planes agree on under the rotations tried, as "
+        f"they move the middle of the source; {chosen.sum()} are of one pose with the estimate: "
+        f"within {same.distinct_mm:g} mm along every axis (box) and "
+        f"{np.rad2deg(same.distinct_rad):.1f}° of its rotation.",
     }
 
 
@@ -176,9 +206,9 @@ def _places(count: int, matched: IntArray) -> Colours:
     return places
 
 
-def _segments(segments: Segments) -> dict[str, Any]:
-    stride = -(-len(segments) // SHOWN_SEGMENTS) or 1
-    return {"ends": packed(segments.endpoints_mm[::stride], POINT_STEP_MM), "total": len(segments)}
+def _ends(ends_mm: FloatArray) -> dict[str, Any]:
+    stride = -(-len(ends_mm) // SHOWN_SEGMENTS) or 1
+    return {"ends": packed(ends_mm[::stride], POINT_STEP_MM), "total": len(ends_mm)}
 
 
 def _normals(centroid_mm: FloatArray, normal: FloatArray, places: Colours) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +22,10 @@ from harness.report.records import provided
 from harness.report.studies import study
 from harness.session import Session
 from harness.store import load
-from harness.table_files import Table
+from harness.table_files import Table, write_table
 
 ERRORS = ("rotation_error_deg", "translation_error_mm")
+LISTED = 20_000  # trials that are found by their id
 SENSOR_TABLES = ("sensor_card", "geometry_fits", "arm")
 
 
@@ -62,6 +63,8 @@ def run_part(
     records = provided(offered(rows, labels, main), by_id, rows, folder, make_executor)
     command = ["run-experiment", str(_config_file(session))]
     failures = failures_table(rows)
+    if len(failures.frame):  # the page may hold its beginning only
+        write_table(failures, session.folder / "tables")
     named = [table for table in tables if table.name not in ("failures", "curves")]
     part = Part(
         name=session.folder.name,
@@ -86,7 +89,9 @@ def run_part(
     # What is seen first is the first repeat of the method that the answer is about, if any is kept.
     own = [key for key, found in records.items() if found["method"] == main]
     first = min(own, key=lambda key: records[key]["repeat"], default="")
-    return part, Shown(records, folders, _listed(rows, command), first)
+    asked = {} if part.study is None else {i for p in part.study["points"] for i in p["ids"]}
+    listed = _listed(rows, command, asked)
+    return part, Shown(records, folders, listed, first, int((rows["given"] == "").sum()))
 
 
 def _sentence(session: Session, rows: pd.DataFrame, tables: Sequence[Table]) -> str:
@@ -112,12 +117,22 @@ def plain_part(folder: Path, title: str, description: str, tables: Sequence[Tabl
     )
 
 
-def _listed(rows: pd.DataFrame, command: Sequence[str]) -> list[dict[str, Any]]:
-    """Every trial of the whole method for the list that is searched, the worst first."""
+def _listed(
+    rows: pd.DataFrame, command: Sequence[str], asked: Collection[str] = ()
+) -> list[dict[str, Any]]:
+    """Trials of the whole method for the list that is searched, the worst first.
+
+    All of them up to LISTED; of more, the worst and those asked for.
+    """
     names = ["id", "pair", "method", "repeat", "status", *ERRORS]
     whole = rows.loc[rows["given"] == "", names]
     bad = worst_first(whole)
     good = whole.drop(bad.index).sort_values("translation_error_mm", ascending=False, kind="stable")
+    whole = pd.concat([bad, good])
+    if len(whole) > LISTED:
+        kept = whole["id"].isin(list(asked)).to_numpy(copy=True)
+        kept[:LISTED] = True
+        whole = whole[kept]
     return [
         {
             "id": row["id"],
@@ -129,7 +144,7 @@ def _listed(rows: pd.DataFrame, command: Sequence[str]) -> list[dict[str, Any]]:
             "mm": _number(row["translation_error_mm"]),
             "command": replay_command(command, row["id"]),
         }
-        for row in pd.concat([bad, good]).to_dict("records")
+        for row in whole.to_dict("records")
     ]
 
 

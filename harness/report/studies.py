@@ -13,6 +13,8 @@ from harness.random_groups import within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.sweep_tables import PREFIX, short_names, swept_keys
 
+MOST_POINTS = 1500  # that a reader and a browser can tell apart
+LISTED_TRIALS = 60  # behind a point
 SPREADS = {"deg": "rotation_error_deg", "mm": "translation_error_mm", "ms": "ms_registration"}
 
 
@@ -21,13 +23,19 @@ def study(rows: pd.DataFrame, design: str) -> dict[str, Any]:
 
     rows: as store.load gives those of a sweep. design: of the sweep. Each point has its values in
     the order of the keys, what was varied, the method, shares with Wilson's interval, medians of
-    the errors of those within the coarse tolerance, and the ids of its trials.
+    the errors of those within the coarse tolerance, and the ids of its first trials. Of a large
+    sweep an even part of the points: shown, of.
     """
     keys = swept_keys(rows)
     names = short_names(keys)
     known = rows[rows["given"] == ""].reset_index(drop=True)
     flags = {"fine": within(known, FINE), "coarse": within(known, COARSE)}
     known = known.assign(**flags)
+    n_points = known["sweep.point"].nunique()
+    if n_points > MOST_POINTS:
+        # Evenly over the sweep: what is drawn of a design looks as the whole does.
+        every = -(-n_points // MOST_POINTS)
+        known = known[known["sweep.point"].rank(method="dense") % every == 1].reset_index(drop=True)
     by_point = known.groupby(["sweep.point", "method"], sort=False)
     places = by_point.ngroup().to_numpy(np.int64)
     counts = np.bincount(places)
@@ -48,7 +56,7 @@ def study(rows: pd.DataFrame, design: str) -> dict[str, Any]:
             "varied": names.get(first["sweep.varied"], ""),
             "method": first["method"],
             "n": n,
-            "ids": ids[place],
+            "ids": ids[place][:LISTED_TRIALS],
         }
         for name, right in rights.items():
             point[name] = [int(right[place]) / n, *shares(int(right[place]), n)]
@@ -60,6 +68,8 @@ def study(rows: pd.DataFrame, design: str) -> dict[str, Any]:
         "design": design,
         "methods": list(known["method"].unique()),
         "points": points,
+        "of": int(n_points),
+        "shown": int(known["sweep.point"].nunique()),
         "tolerances": {
             name: f"{t.rotation_deg:g}° and {t.translation_mm:g} mm"
             for name, t in (("fine", FINE), ("coarse", COARSE))

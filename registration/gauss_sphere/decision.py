@@ -30,6 +30,7 @@ def judge(
             f"the best pose lays only {share:.0%} of the seen surface on the other view's; "
             f"{params.least_support:.0%} are needed: the views may not overlap",
             candidates=candidates,
+            stage="verification",
         )
     if against > params.most_contradiction:
         return RegistrationResult(
@@ -38,6 +39,7 @@ def judge(
             f"the best pose puts surface in space that the other view saw to be empty, "
             f"{against:.0%} of the surface it matches; {params.most_contradiction:.0%} are allowed",
             candidates=candidates,
+            stage="verification",
         )
     agreeing = agreeing_planes(best, target, params)
     plain = against <= params.plain_contradiction
@@ -52,6 +54,7 @@ def judge(
             f"{agreeing} planes agree on {share:.0%} of the seen surface, as planes of unrelated "
             f"scenes may; {params.sure_planes} planes or {params.large_support:.0%} are needed",
             candidates=candidates,
+            stage="verification",
         )
     covariance, open_directions, reason = uncertainty(best, best.sure, target, params)
     if open_directions.shape[0]:
@@ -61,6 +64,7 @@ def judge(
             reason,
             undetermined=open_directions,
             candidates=candidates[1:],
+            stage="scene",
         )
     rivals = [p for p in ranked[1:] if is_rival(p, best, target, params)]
     if rivals:
@@ -72,6 +76,7 @@ def judge(
             f"{rivals[0].score / best.score:.0%} of the first",
             covariance=covariance,
             candidates=candidates[1:],
+            stage="decision",
         )
     return RegistrationResult(
         candidates[0].T_target_source, "ok", covariance=covariance, candidates=candidates[1:]

@@ -25,6 +25,7 @@ from registration.result import RegistrationResult
 from registration.scan import Scan
 
 ONE_DIRECTION_RAD = 0.1
+NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
 def register_scans(target: Scan, source: Scan, params: GaussSphereParams) -> RegistrationResult:
@@ -68,14 +69,16 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
                 f"({np.isfinite(view.fan.depth_mm).sum()} measured points); at least "
                 f"{params.patches.min_profiles} profiles with "
                 f"{params.patches.min_points} points on one plane are needed",
+                stage="patches" if np.isfinite(view.fan.depth_mm).any() else "scan",
             )
+    nothing = {"planes": PlaneEvidence(target, source, NO_PAIRS, np.zeros(0), params)}
     rotations, _ = rotation_candidates(
         gauss_sphere(target.patches, params.rotation.close_rad),
         gauss_sphere(source.patches, params.rotation.close_rad),
         params.rotation,
     )
     if rotations.shape[0] == 0:
-        return _no_rotation(target, source)
+        return replace(_no_rotation(target, source), evidence=nothing)
     turned = perf_counter()
     rotations, shifts, _ = pose_candidates(
         target.patches, source.patches, rotations, params.translation
@@ -93,6 +96,8 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
             None,
             "failed",
             "no pose lays two planes of one view on planes of the other: the views may not overlap",
+            evidence=nothing,
+            stage="translation",
         )
     result = judge(settled, target, source, params.decision)
     if result.status == "ok" and params.calibration:
@@ -103,7 +108,7 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
             T_target_source=transforms([refined])[0],
             covariance=0.5 * (covariance + covariance.T),
         )
-    planes = PlaneEvidence(target, source, settled[0].pairs, settled[0].distance2)
+    planes = PlaneEvidence(target, source, settled[0].pairs, settled[0].distance2, params)
     stage_ms = {
         "rotation": 1e3 * (turned - started),
         "translation": 1e3 * (shifted - turned),
@@ -122,12 +127,14 @@ def _no_rotation(target: View, source: View) -> RegistrationResult:
             f"direction only ({one_way[0].patches.n_points.size} found): a turn about their normal "
             "and shifts along them stay open; a second plane at an angle is needed",
             undetermined=sliding(target.patches) if _one_direction(target) else np.zeros((0, 6)),
+            stage="scene",
         )
     return RegistrationResult(
         None,
         "failed",
         "no two planes of one view subtend the angle of two planes of the other: the views may "
         "not overlap",
+        stage="rotation",
     )
 
 

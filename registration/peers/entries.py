@@ -121,6 +121,7 @@ def _registered(
                 None,
                 "failed",
                 f"the {name} scan has {scan.n_valid} measured points; {LEAST_POINTS} are needed",
+                stage="scan",
             )
     pose, reason, stage_ms = find(target, source, params)
     if pose is None:
@@ -134,7 +135,7 @@ def _registered(
         )
         stage_ms[params.refine.kind] = 1e3 * (perf_counter() - started)
         if pose is None:
-            return RegistrationResult(None, "failed", reason, stage_ms=stage_ms)
+            return RegistrationResult(None, "failed", reason, stage_ms=stage_ms, stage="refinement")
     return RegistrationResult(pose, "ok", stage_ms=stage_ms)
 
 

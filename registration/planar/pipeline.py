@@ -50,6 +50,7 @@ def register_profiles(target: Scan, source: Scan, params: PlanarParams) -> Regis
             "failed",
             f"the target has {sizes[0]} profiles and the source {sizes[1]}; in the plane, one "
             "profile is registered to one profile",
+            stage="scan",
         )
     stage_ms: dict[str, float] = {}
     with _timed("preprocess", stage_ms):
@@ -73,7 +74,7 @@ def register_segments(
     matches = matches_under(*lines, best, *tolerances)
     circles = gauss_circle(target), gauss_circle(source)
     rivals = ranking.rivals(params)
-    status, reason = _verdict(ranking, rivals, circles, params)
+    status, stage, reason = _verdict(ranking, rivals, circles, params)
     pose = None
     if status in ("ok", "ambiguous"):
         pose = best
@@ -94,6 +95,7 @@ def register_segments(
         undetermined=undetermined.copy(),
         candidates=_candidates(ranking, rivals),
         evidence={"planar": PlanarEvidence((target, source), circles, matches)},
+        stage=stage,
     )
 
 
@@ -102,17 +104,21 @@ def _verdict(
     rivals: list[int],
     circles: tuple[GaussCircle, GaussCircle],
     params: PlanarParams,
-) -> tuple[Status, str]:
-    """Whether to believe the pose that won."""
+) -> tuple[Status, str, str]:
+    """Whether to believe the pose that won: status, stage and reason."""
     empty = [
         name
         for name, circle in zip(("target", "source"), circles, strict=True)
         if circle.length_mm.sum() == 0.0
     ]
     if empty:
-        return "failed", (
-            f"the profile of the {' and of the '.join(empty)} has no straight segment of "
-            f"{params.segments.min_points} points or more"
+        return (
+            "failed",
+            "segments",
+            (
+                f"the profile of the {' and of the '.join(empty)} has no straight segment of "
+                f"{params.segments.min_points} points or more"
+            ),
         )
     shorter_mm = min(circle.length_mm.sum() for circle in circles)
     share = ranking.overlap_mm / shorter_mm
@@ -120,14 +126,23 @@ def _verdict(
         along = share[ranking.parallel].max(initial=0.0)
         if along >= params.min_overlap:
             crossing = share[~ranking.parallel].max(initial=0.0)
-            return "underdetermined", (
-                f"only parallel segments overlap enough, by {along:.0%} of the shorter profile, "
-                f"so the shift along them stays open; of two directions, {crossing:.0%} overlap"
+            return (
+                "underdetermined",
+                "scene",
+                (
+                    f"only parallel segments overlap enough, by {along:.0%} of the shorter "
+                    f"profile, so the shift along them stays open; of two directions, "
+                    f"{crossing:.0%} overlap"
+                ),
             )
     if share[0] < params.min_overlap or share[0] == 0.0:
-        return "failed", (
-            f"the segments of the best pose overlap by {share[0]:.0%} of the shorter profile; "
-            f"{params.min_overlap:.0%} are needed to believe it"
+        return (
+            "failed",
+            "verification",
+            (
+                f"the segments of the best pose overlap by {share[0]:.0%} of the shorter profile; "
+                f"{params.min_overlap:.0%} are needed to believe it"
+            ),
         )
     for k in rivals[:1]:
         if (
@@ -135,11 +150,15 @@ def _verdict(
             and ranking.parallel[k] == ranking.parallel[0]
         ):
             turn = np.degrees(np.abs(wrapped(ranking.pose[k, 0] - ranking.pose[0, 0])))
-            return "ambiguous", (
-                f"another pose, {turn:.0f} degrees away, makes the segments overlap as much: "
-                f"{ranking.overlap_mm[k]:.0f} mm against {ranking.overlap_mm[0]:.0f} mm"
+            return (
+                "ambiguous",
+                "decision",
+                (
+                    f"another pose, {turn:.0f} degrees away, makes the segments overlap as much: "
+                    f"{ranking.overlap_mm[k]:.0f} mm against {ranking.overlap_mm[0]:.0f} mm"
+                ),
             )
-    return "ok", ""
+    return "ok", "", ""
 
 
 def _candidates(ranking: Ranking, rivals: list[int]) -> tuple[Candidate, ...]:

@@ -48,8 +48,14 @@ def decide(
     }
     empty = [name for name in ("target", "source") if len(evidence[name].patches) == 0]
     if empty:
-        reason = "; ".join(_no_patches(name, evidence[name], params) for name in empty)
-        return RegistrationResult(None, "failed", reason, evidence=evidence)
+        said = [_no_patches(name, evidence[name], params) for name in empty]
+        return RegistrationResult(
+            None,
+            "failed",
+            "; ".join(reason for _, reason in said),
+            evidence=evidence,
+            stage=said[0][0],
+        )
     if search.status != "ok":
         return RegistrationResult(
             None,
@@ -57,11 +63,12 @@ def decide(
             search.reason,
             undetermined=open_directions(target, params.rotation.angle_tolerance_rad),
             evidence=evidence,
+            stage="rotation",
         )
     poses = _poses(target, source, search, params)
     best, others = poses[0], poses[1:]
     evidence |= {"shifts": best.shifts, "normal_matches": best.normal_matches}
-    status, reason = _verdict(best, others, params)
+    status, stage, reason = _verdict(best, others, params)
     candidates = tuple(
         Candidate(_transform(p), p.overlap)
         for p in (poses if status == "failed" else others)
@@ -73,6 +80,7 @@ def decide(
         reason,
         candidates=candidates,
         evidence=evidence,
+        stage=stage,
     )
 
 
@@ -112,23 +120,35 @@ def _poses(
     return tied + [p for p in poses if p.overlap < floor]
 
 
-def _verdict(best: _Pose, others: list[_Pose], params: ThesisParams) -> tuple[Status, str]:
+def _verdict(best: _Pose, others: list[_Pose], params: ThesisParams) -> tuple[Status, str, str]:
+    """Status, stage and reason."""
     belief = params.belief
     if best.translation_mm is None:
-        return "failed", (
-            "the densest intervals of the three axes have no shift in common; "
-            'translation.density = "3d" looks at the axes together, which may or may not find one'
+        return (
+            "failed",
+            "translation",
+            (
+                "the densest intervals of the three axes have no shift in common; "
+                'translation.density = "3d" looks at the axes together, which may or may not '
+                "find one"
+            ),
         )
     if best.overlap < belief.min_overlap:
-        return "failed", (
-            f"the normals of the best rotation overlap by {best.overlap:.0%} of the smaller view; "
-            f"{belief.min_overlap:.0%} are needed to believe it"
+        return (
+            "failed",
+            "rotation",
+            (
+                f"the normals of the best rotation overlap by {best.overlap:.0%} of the smaller "
+                f"view; {belief.min_overlap:.0%} are needed to believe it"
+            ),
         )
     agreeing = best.shifts.agreeing
     if agreeing < belief.min_shifts:
-        return "failed", (
-            f"{agreeing} patch{'es' if agreeing != 1 else ''} of a view agree on a translation; "
-            f"{belief.min_shifts} are needed to believe it"
+        agree = "patch of a view agrees" if agreeing == 1 else "patches of a view agree"
+        return (
+            "failed",
+            "translation",
+            (f"{agreeing} {agree} on a translation; {belief.min_shifts} are needed to believe it"),
         )
     for other in others:
         if (
@@ -137,12 +157,16 @@ def _verdict(best: _Pose, others: list[_Pose], params: ThesisParams) -> tuple[St
             and other.shifts.agreeing >= (1.0 - belief.tie_margin) * agreeing
         ):
             angle = Rotation.from_matrix(other.R @ best.R.T).magnitude()
-            return "ambiguous", (
-                f"another rotation, {np.degrees(angle):.0f} degrees away, explains as much: "
-                f"{other.overlap:.0%} of the normals and {other.shifts.agreeing} patches against "
-                f"{best.overlap:.0%} and {agreeing}"
+            return (
+                "ambiguous",
+                "rotation",
+                (
+                    f"another rotation, {np.degrees(angle):.0f} degrees away, explains as much: "
+                    f"{other.overlap:.0%} of the normals and {other.shifts.agreeing} patches "
+                    f"against {best.overlap:.0%} and {agreeing}"
+                ),
             )
-    return "ok", ""
+    return "ok", "", ""
 
 
 def _transform(pose: _Pose) -> RigidTransform:
@@ -150,14 +174,16 @@ def _transform(pose: _Pose) -> RigidTransform:
     return RigidTransform.from_components(pose.translation_mm, Rotation.from_matrix(pose.R))
 
 
-def _no_patches(name: str, view: ViewEvidence, params: ThesisParams) -> str:
-    """Say at which stage a view ran empty."""
+def _no_patches(name: str, view: ViewEvidence, params: ThesisParams) -> tuple[str, str]:
+    """At which stage a view ran empty, and what to say of it."""
     if view.scan_filtered is not None and view.scan_filtered.n_valid == 0:
-        return f"the {name} has no measured point, apart from isolated ones"
+        return "scan", f"the {name} has no measured point, apart from isolated ones"
     if view.segments is not None and len(view.segments) == 0:
-        return f"the {name} has no straight segment of {params.segments.min_points} points or more"
+        return "segments", (
+            f"the {name} has no straight segment of {params.segments.min_points} points or more"
+        )
     found = "no patches" if view.segments is None else f"{len(view.segments)} segments but no patch"
-    return (
+    return "patches", (
         f"the {name} has {found}: {params.patches.min_profiles} like profiles in a row are needed"
     )
 

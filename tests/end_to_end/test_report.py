@@ -149,6 +149,9 @@ def test_a_reader_uses_the_page(results: Path, browser: webdriver.Chrome, tmp_pa
     assert "gauss_sphere" in browser.find_element(By.ID, "told").text
     registered = drawn(browser)
     assert len(registered) == 2
+    made = browser.find_element(By.CSS_SELECTOR, "#answer").text
+    assert "plates.yaml" in made
+    assert "numpy" in made
 
     # Layers are toggled with the keyboard alone.
     box = browser.find_element(By.CSS_SELECTOR, 'input[value="surfaces"]')
@@ -174,6 +177,20 @@ def test_a_reader_uses_the_page(results: Path, browser: webdriver.Chrome, tmp_pa
         slider.send_keys("\ue014")  # arrow right
     assert names[0] == "Raw profiles"
     assert names[-2:] == ["Registered", "Exact pose"]
+
+    assert "Line segments" in names
+    # The space is turned, approached and set back by keys alone.
+    look = "document.getElementById('space')._fullLayout.scene._scene.getCamera().eye"
+    space, home = browser.find_element(By.ID, "space"), browser.execute_script(f"return {look}")
+    for key in ("\ue012", "\ue013", "+"):  # arrows left and up
+        at = browser.execute_script(f"return {look}")
+        space.send_keys(key)
+        until(browser, f"JSON.stringify({look}) !== {json.dumps(json.dumps(at))}", f"{key} turns")
+    size = {end: sum(v * v for v in eye.values()) for end, eye in (("home", home), ("at", at))}
+    assert size["at"] == pytest.approx(size["home"])  # arrows turn and come no closer
+    space.send_keys("0")
+    until(browser, f"Math.abs({look}.x - ({home['x']})) < 1e-9", "back to the first look")
+    assert browser.find_element(By.ID, "shifts").is_displayed()
 
     # The worst trial opens from its card among the failures.
     button = browser.find_element(By.CSS_SELECTOR, "#failures .card button[data-show]")
@@ -250,7 +267,22 @@ def test_a_study_leads_from_its_points_to_their_trials(
     chosen = (rows["sweep.scan.step_mm"] == 4) & (rows["sweep.scan.profiles"] == 40)
     (identity,) = rows.loc[chosen & (rows["method"] == "thesis"), "id"]
     assert shown.startswith(identity)
+    # Without a mouse, a point is chosen from a list.
+    browser.execute_script(
+        "const s = document.querySelector('form.study').elements.point;"
+        "s.value = '3'; s.dispatchEvent(new Event('change'))"
+    )
+    assert browser.find_element(By.CSS_SELECTOR, "form.study .behind").is_displayed()
     assert complaints(browser) == []
+    # Without scripts a still stands in its place.
+    browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        opened(browser, out / "report.html")
+        still = browser.find_element(By.CSS_SELECTOR, "#study img")
+        assert still.is_displayed()
+        assert still.size["width"] > 300
+    finally:
+        browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
 
 
 @needs_browser

@@ -159,11 +159,13 @@
     const axis = (title, range) => ({ title: { text: title }, range, backgroundcolor: "#fff", gridcolor: "#dfe4e8", zeroline: false, showspikes: false });
     const layout = {
       margin: { l: 0, r: 0, t: 0, b: 0 }, uirevision: "kept", paper_bgcolor: "#fff", font: { color: INK, size: 11 },
-      scene: { xaxis: axis("X (mm)", x), yaxis: axis("Y (mm)", y), zaxis: axis("Z (mm)", z), aspectmode: "data", uirevision: "kept", dragmode: "orbit", camera: CAMERA },
+      scene: { xaxis: axis("X (mm)", x), yaxis: axis("Y (mm)", y), zaxis: axis("Z (mm)", z), aspectmode: "manual",
+        aspectratio: window.camera.ratio([x, y, z], CAMERA, $("space")), uirevision: "kept", dragmode: "orbit", camera: CAMERA },
     };
     window.Plotly.react("space", data, layout, config);
   }
 
+  window.camera.keys($("space"), CAMERA);
   choices("layers", "checkbox", "layers", LAYERS);
   choices("poses", "radio", "pose", POSES);
   for (const box of boxes("paint")) box.addEventListener("change", redraw);

@@ -6,6 +6,7 @@ window.panels = (function () {
   const draw = window.traces;
   const config = { responsive: true, displaylogo: false };
   const CAMERA = { up: { x: 1, y: 0, z: 0 }, eye: { x: 0.5, y: -0.4, z: -1.45 } };
+  const SHIFTS_CAMERA = { up: { x: 1, y: 0, z: 0 }, eye: { x: 0.7, y: -0.9, z: -1.5 } };
   let now = null;
 
   function globe(scene) {
@@ -71,6 +72,10 @@ window.panels = (function () {
   function escape(text) {
     return text.replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
   }
+  function spans(traces) { // least and most of all traces along X, Y and Z
+    return ["x", "y", "z"].map((n) => traces.reduce(([low, high], trace) => trace[n].reduce(
+      ([a, b], v) => (Number.isNaN(v) ? [a, b] : [Math.min(a, v), Math.max(b, v)]), [low, high]), [Infinity, -Infinity]));
+  }
   function shifts() {
     const found = now.shifts;
     $("shifts-part").hidden = !found;
@@ -95,7 +100,7 @@ window.panels = (function () {
     }
     const mark = (pose, symbol, color, name) => pose && data.push({
       ...draw.points([0, 1, 2].map((a) => [pose[a][3]]), { size: 6, symbol, color }, name), showlegend: true });
-    mark(now.poses.exact, "x", "#1c2126", "exact translation");
+    mark(now.poses.exact, "square-open", "#1c2126", "exact translation");
     mark(now.poses.estimate, "diamond-open", "#0072b2", "estimate");
     const axis = (text, a) => ({ title: { text }, gridcolor: "#dfe4e8", zeroline: false, ...(range ? { range: range[a] } : {}) });
     if (range) { // plotly draws what lies beyond the axes too
@@ -106,9 +111,9 @@ window.panels = (function () {
       }
     }
     window.Plotly.react("shifts", data, { margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { x: 0, y: 1, bgcolor: "rgba(255,255,255,0.8)" },
-      scene: { xaxis: axis("X (mm)", 0), yaxis: axis("Y (mm)", 1), zaxis: axis("Z (mm)", 2), aspectmode: range ? "cube" : "data",
-        camera: { up: { x: 1, y: 0, z: 0 }, eye: { x: 0.7, y: -0.9, z: -1.5 } } } }, config);
-    $("shifts-text").textContent = `${found.total} shifts between the centroids of patches of like normals; ${found.chosen} lie in the densest region (box), whose mean is the translation.`;
+      scene: { xaxis: axis("X (mm)", 0), yaxis: axis("Y (mm)", 1), zaxis: axis("Z (mm)", 2), aspectmode: "manual",
+        aspectratio: window.camera.ratio(range || spans(data), SHIFTS_CAMERA, $("shifts")), camera: SHIFTS_CAMERA } }, config);
+    $("shifts-text").textContent = found.text;
   }
 
   async function list() {
@@ -121,7 +126,8 @@ window.panels = (function () {
     const trials = await load("trials");
     const rows = trials.filter((t) => !sought || [t.id, t.pair, t.method, t.status].some((v) => v.toLowerCase().includes(sought)));
     const SHOWN = 12;
-    $("found-text").textContent = `${rows.length} of ${trials.length} trials, the worst first` + (rows.length > SHOWN ? `; ${SHOWN} are shown.` : ".");
+    $("found-text").textContent = `${rows.length} of ${trials.length} trials, the worst first` + (rows.length > SHOWN ? `; ${SHOWN} are shown.` : ".")
+      + (Number($("finder").dataset.total) > trials.length ? ` The run has ${$("finder").dataset.total}; the others are in trials.sqlite.` : "");
     body.replaceChildren(...rows.slice(0, SHOWN).map(row));
   }
   function row(trial) {
@@ -140,6 +146,10 @@ window.panels = (function () {
       last.append(" ", shown);
     }
     return line;
+  }
+  if ($("spheres")) {
+    window.camera.keys($("spheres"), CAMERA);
+    window.camera.keys($("shifts"), SHIFTS_CAMERA);
   }
   if ($("sought")) {
     $("sought").addEventListener("input", list);

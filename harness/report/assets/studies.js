@@ -8,6 +8,7 @@
   const config = { responsive: true, displaylogo: false };
   const EVERY = "(all)";
   // Plotly reads a few tags in its texts; names from a config are text.
+  const short = (value) => (typeof value === "number" ? Number(value.toPrecision(4)) : value);
   const plain = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
 
   async function begin(form) {
@@ -18,12 +19,12 @@
     const plot = form.querySelector(".plot"), text = form.querySelector(".study-text");
     const quantities = [
       ["coarse", `share within ${study.tolerances.coarse}`], ["fine", `share within ${study.tolerances.fine}`],
-      ["deg", "median rotation error (deg)"], ["mm", "median translation error (mm)"], ["ms", "median time (ms)"],
+      ["deg", "median rotation error of the right ones (deg)"], ["mm", "median translation error of the right ones (mm)"], ["ms", "median time of the right ones (ms)"],
     ].filter(([name]) => study.points.some((point) => point[name]));
     fill(get("quantity"), quantities);
     fill(get("along"), study.keys.map((key, i) => [i, key]));
     fill(get("method"), [[EVERY, "all, as curves"], ...study.methods.map((method) => [method, method])]);
-    let clicks = [];
+    let clicks = [], listed = [];
 
     function fill(select, items) {
       select.replaceChildren(...items.map(([value, label]) => new Option(label, value)));
@@ -56,18 +57,22 @@
       if (!numbers) Object.assign(layout.xaxis, { type: "category", categoryorder: "array", categoryarray: distinct });
       else if (distinct[0] > 0 && distinct[distinct.length - 1] / distinct[0] > 30) layout.xaxis.type = "log";
       if (shares()) layout.yaxis = { ...layout.yaxis, range: [-0.03, 1.03], tickformat: ".0%" };
-      const data = map ? heat(points, along, and, layout) : curves(points, along, and);
+      const data = map ? heat(points, along, and, layout) : curves(points, along, and, numbers);
       window.Plotly.react(plot, data, layout, config);
-      text.textContent = map
-        ? "Mean over whatever else was varied. Choose a cell to see the trials behind it."
-        : `${shares() ? "Bars: Wilson's 95 % interval." : "Bars: quartiles."} ${study.design} design; choose a point to see the trials behind it.`;
+      const right = shares() ? "" : ` Right ones: those within ${study.tolerances.coarse}.`;
+      text.textContent = (map
+        ? "Mean over whatever else was varied; a click on a cell lists the trials behind it."
+        : `Bars: ${shares() ? "Wilson's 95 % interval" : "quartiles"}; a click on a point lists the trials behind it.`) + right
+        + (study.of > study.shown ? ` Drawn: ${study.shown} of the ${study.of} points, evenly over the sweep.` : "");
+      form.querySelector(".behind").hidden = true;
+      offer(points);
     }
-    function curves(points, along, and) {
+    function curves(points, along, and, numbers) {
       const quantity = get("quantity").value, groups = new Map();
       const drawnFrom = !["product", "zip", "one_at_a_time"].includes(study.design);
       for (const point of points) {
         if (!point[quantity]) continue;
-        const name = and === null ? point.method : `${point.method}, ${study.keys[and]} ${point.values[and]}`;
+        const name = and === null ? point.method : `${point.method}, ${study.keys[and]} ${short(point.values[and])}`;
         const key = drawnFrom ? point.method : name;
         groups.set(key, [...(groups.get(key) || []), point]);
       }
@@ -77,7 +82,7 @@
         const order = drawnFrom || and === null && study.keys.length > 1 && study.design === "product" ? group
           : sorted(group.map((point) => point.values[along])).flatMap((v) => group.filter((point) => point.values[along] === v));
         clicks.push(order);
-        const lines = order !== group;
+        const lines = numbers && order !== group; // names have no order to be joined in
         const value = order.map((point) => point[quantity]);
         return {
           type: "scatter", mode: lines ? "lines+markers" : "markers", name: plain(name),
@@ -85,7 +90,7 @@
           error_y: { type: "data", symmetric: false, thickness: 1, width: 3, array: value.map((v) => v[2] - v[0]), arrayminus: value.map((v) => v[0] - v[1]) },
           marker: { size: 8, symbol: symbols[place % symbols.length], color: palette[place % palette.length] },
           line: { color: palette[place % palette.length], width: 2 },
-          text: order.map((point) => [name, ...study.keys.map((key, i) => `${key} ${point.values[i]}`), `${point.n} trials`].map(plain).join("<br>")),
+          text: order.map((point) => [name, ...study.keys.map((key, i) => `${key} ${short(point.values[i])}`), `${point.n} trials`].map(plain).join("<br>")),
           hovertemplate: "%{text}<br>%{y:.3g}<extra></extra>",
         };
       });
@@ -105,16 +110,24 @@
         colorscale: "Viridis", ...(shares() ? { zmin: 0, zmax: 1 } : {}), texttemplate: shares() ? "%{z:.0%}" : "%{z:.3g}",
         colorbar: { title: { text: label().replace(" within ", "<br>within "), side: "top" } }, hovertemplate: "%{x}, %{y}: %{z:.3g}<extra></extra>" }];
     }
+    const named = (point) => `${point.method}, ${study.keys.map((key, i) => `${key} ${short(point.values[i])}`).join(", ")}`;
+    // What a click does, for the keyboard: a list of the points that are drawn.
+    function offer(points) {
+      listed = points.filter((point) => point[get("quantity").value]);
+      fill(get("point"), [["", "choose a point"], ...listed.map((point, i) => [i, named(point)])]);
+    }
     function behind(points) {
+      if (!points.length) return;
       const ids = points.flatMap((point) => point.ids);
       const body = form.querySelector(".behind").tBodies[0];
-      const SHOWN = 60;
       form.querySelector(".behind").hidden = false;
-      body.replaceChildren(...ids.slice(0, SHOWN).filter((id) => trials.has(id)).map((id) => window.panels.row(trials.get(id))));
-      text.textContent = `${ids.length} trials behind ${points.map((point) => `${point.method}, ${study.keys.map((key, i) => `${key} ${point.values[i]}`).join(", ")}`)[0]}` + (ids.length > SHOWN ? `; the first ${SHOWN} are listed.` : ".");
+      body.replaceChildren(...ids.filter((id) => trials.has(id)).map((id) => window.panels.row(trials.get(id))));
+      const total = points.reduce((sum, point) => sum + point.n, 0);
+      text.textContent = `${total} trials behind ${named(points[0])}` + (total > ids.length ? `; ${ids.length} are listed.` : ".");
     }
     for (const name of ["quantity", "and", "method"]) get(name).addEventListener("change", draw);
     get("along").addEventListener("change", () => { others(); draw(); });
+    get("point").addEventListener("change", () => { if (get("point").value !== "") behind([listed[Number(get("point").value)]]); });
     others();
     draw();
     plot.on("plotly_click", (event) => {

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
+from experiments.cli import main
 from harness.report.faults import stage_at_fault
 from harness.report.markup import SHOWN_ROWS, embedded_json, escaped, table_markup
 from harness.report.nearness import REACH_MM, surface_distance
@@ -27,8 +28,11 @@ from harness.report.offered import OF_A_KIND, WORST, offered, worst_first
 from harness.report.packing import compressed, packed
 from harness.report.page import Part, Shown, page_markup
 from harness.report.pictures import load_pictures
+from harness.report.run_page import LISTED, _listed
+from harness.report.studies import MOST_POINTS, study
 from harness.table_files import Table
 from registration import Scan, register
+from registration.result import STAGES
 
 HOSTILE = '</script><script>alert("x")</script><img src=x onerror=alert(1)> & \'"'
 
@@ -89,16 +93,19 @@ def flat_points() -> np.ndarray:
     ("scan", "method", "stage"),
     [
         (np.full((20, 64, 3), np.nan), "thesis", "scan"),
-        (np.full((20, 64, 3), np.nan), "gauss_sphere", "patches"),
+        (np.full((20, 64, 3), np.nan), "gauss_sphere", "scan"),
+        (flat_points()[:2], "gauss_sphere", "patches"),
+        (flat_points()[:1], "thesis", "patches"),
         (flat_points(), "gauss_sphere", "scene: it leaves a motion open"),
+        (flat_points(), "thesis", "rotation"),
+        (flat_points()[:1], "planar", "scan"),
     ],
 )
-def test_reasons_of_the_methods_lead_to_their_stage(
-    scan: np.ndarray, method: str, stage: str
-) -> None:
+def test_methods_say_at_which_stage_they_stopped(scan: np.ndarray, method: str, stage: str) -> None:
     result = register(Scan.from_points(scan, 5.0), corner(), method)
     assert result.status != "ok"
-    assert stage_at_fault(result.status, result.reason, {}) == stage, result.reason
+    assert result.stage in STAGES
+    assert stage_at_fault(result.status, result.stage, {}) == stage, result.reason
 
 
 def test_a_wrong_answer_is_the_fault_of_the_stage_whose_truth_mends_it() -> None:
@@ -106,7 +113,58 @@ def test_a_wrong_answer_is_the_fault_of_the_stage_whose_truth_mends_it() -> None
     assert stage_at_fault("ok", "", {"rotation": False, "segments": True}) == "line segments"
     assert stage_at_fault("ok", "", {"rotation": False}) == "more than one stage"
     assert stage_at_fault("ok", "", {}) == ""
-    assert stage_at_fault("error", "ValueError: x", {}) == "program"
+    assert stage_at_fault("error", "", {}) == "program"
+    assert stage_at_fault("failed", "a stage of one's own", {}) == "a stage of one's own"
+
+
+def test_a_large_sweep_shows_what_can_be_read() -> None:
+    points = 40 * MOST_POINTS
+    frame = pd.DataFrame(
+        {
+            "id": [f"{i:016x}" for i in range(points)],
+            "pair": "a",
+            "method": "thesis",
+            "given": "",
+            "repeat": np.arange(points),
+            "status": "ok",
+            "rotation_error_deg": 0.1,
+            "translation_error_mm": np.arange(points) % 60.0,
+            "sweep.point": np.arange(points),
+            "sweep.varied": "",
+            "sweep.scan.step_mm": np.linspace(1.0, 9.0, points),
+        }
+    )
+    found = study(frame, "sobol")
+    assert found["of"] == points
+    assert found["shown"] == len(found["points"]) <= MOST_POINTS
+    asked = {identity for point in found["points"] for identity in point["ids"]}
+    listed = _listed(frame, ["run-experiment", "x.yaml"], asked)
+    assert LISTED <= len(listed) <= LISTED + len(asked)
+    assert asked <= {trial["id"] for trial in listed}
+    assert listed[0]["mm"] == 59.0
+    whole = _listed(frame[:100], ["run-experiment", "x.yaml"])
+    assert len(whole) == 100
+    part = Part(name="x", title="x", study=found)
+    page = page_markup("x", [part], Shown(trials=listed, total=points))
+    assert len(page) < 5_000_000
+
+
+def test_the_table_of_failures_is_where_the_page_says(tmp_path: Path) -> None:
+    """The page of a long sweep names a file of all failures: it has to be there."""
+    config = tmp_path / "plates.yaml"
+    config.write_text(
+        "title: Plates\nscene: {name: separated_planes}\nsensor: {name: jupiter}\n"
+        "scan: {profiles: 1, step_mm: 5.0}\n"
+        "views:\n  left: {aim_mm: [0, 0, 0], distance_mm: 700, yaw_deg: -8}\n"
+        "  right: {aim_mm: [0, 0, 0], distance_mm: 700, yaw_deg: 8}\n"
+        "pairs:\n  a: {source: left, target: right}\n"
+        "methods:\n  - {name: thesis, figures: false}\n",
+        encoding="utf-8",
+    )
+    out = tmp_path / "out"
+    main([str(config), "--out", str(out), "--workers", "1"])
+    failed = pd.read_csv(out / "tables" / "failures_by_stage.csv")
+    assert list(failed["Stage at fault"]) == ["patches"]
 
 
 def rows(outcomes: list[tuple[str, str, float]]) -> pd.DataFrame:
