@@ -164,7 +164,10 @@ def changed_table(pairs: pd.DataFrame, names: tuple[str, str]) -> Table:
 def summary(pairs: pd.DataFrame, names: tuple[str, str]) -> str:
     """The difference in a sentence a method."""
     sentences = []
-    for label, group in _groups(pairs):
+    groups = list(_groups(pairs))
+    # With the truth in place of a stage is for the table; a sentence is about whole methods.
+    whole = [(label, group) for label, group in groups if ", given " not in label]
+    for label, group in whole or groups:
         found = _compared(label, group, names)
         right = [int(group[f"right_{end}"].sum()) for end in ("a", "b")]
         text = f"{label}: {right[0]} of {len(group)} right in {names[0]}, {right[1]} in {names[1]}"

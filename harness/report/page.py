@@ -205,6 +205,8 @@ def viewer_markup(shown: Shown) -> str:
     )
     template = (ASSETS / "viewer.html").read_text(encoding="utf-8")
     template = template.replace("<!--first-->", escaped(shown.first))
+    several = "Trial: the worst first, then the first repeat of every pair"
+    template = template.replace("<!--label-->", several if len(shown.records) > 1 else "Pair")
     template = template.replace("<!--total-->", str(max(shown.total, len(shown.trials))))
     return template.replace("<!--options-->", options)
 

@@ -12,6 +12,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +25,11 @@ from experiments.chapters import KIND as CHAPTERS
 from experiments.chapters import load_chapters
 from experiments.cli import main
 from harness.config import experiment_kind, load_experiment
+from harness.execution import perform
+from harness.session import open_session
 from harness.store import load
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes
-from sensors import threedx
+from sensors import SENSORS, threedx
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.paths import aimed_view, straight_line
 
@@ -79,6 +82,37 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
         header = "profile,pixel,x_mm,y_mm,z_mm"
         (folder / f"{name}.csv").write_text("\n".join([header, *lines, ""]), encoding="utf-8")
     return folder
+
+
+def test_the_sensor_of_the_docs_scans_and_its_pairs_are_registered(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE)
+    config = tmp_path / "fan.yaml"
+    config.write_text(
+        "title: Desk by a fan of rays\nscene: {name: desk}\nsensor: {name: fan}\n"
+        "scan: {profiles: 50, step_mm: 6.0}\n"
+        "views:\n  left: {aim_mm: [0, 0, 0], distance_mm: 900, yaw_deg: -10, pitch_deg: 12}\n"
+        "  right: {aim_mm: [0, 0, 0], distance_mm: 900, yaw_deg: 10, pitch_deg: 12}\n"
+        "pairs:\n  a: {source: left, target: right}\n"
+        "methods:\n  - {name: gauss_sphere, figures: false}\n",
+        encoding="utf-8",
+    )
+    known = dict(SENSORS)
+    try:
+        # As a module of its own would be: dataclasses look their module up.
+        module = types.ModuleType("fan_of_the_docs")
+        sys.modules[module.__name__] = module
+        exec(compile(code, "extending.md", "exec", dont_inherit=True), module.__dict__)
+        (trial,) = open_session(config, None).trials
+        row = perform(trial).row  # here: a process of its own would not know the sensor
+    finally:
+        SENSORS.clear()
+        SENSORS.update(known)
+        sys.modules.pop("fan_of_the_docs", None)
+    assert row.status == "ok", row.reason
+    assert row.rotation_error_deg < 0.5
+    assert row.translation_error_mm < 5.0
+    assert 0.3 < row.overlap_source <= 1.0
 
 
 def test_every_command_is_covered_here() -> None:
