@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sqlite3
 import subprocess
 import sys
@@ -66,7 +67,7 @@ def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
     def start(arguments: list[str], **how: Any) -> subprocess.Popen[str]:
         process = subprocess.Popen(
-            arguments,
+            arguments, start_new_session=True,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment(), **how,
         )  # fmt: skip
         processes.append(process)
@@ -74,10 +75,11 @@ def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
     yield start
     for process in processes:
-        with contextlib.suppress(psutil.NoSuchProcess):
-            for below in psutil.Process(process.pid).children(recursive=True):
-                below.kill()
-        process.kill()
+        # By session: what a shell left in the background is no child of anything once it is gone.
+        for other in psutil.pids():
+            with contextlib.suppress(ProcessLookupError):
+                if os.getsid(other) == process.pid:
+                    os.kill(other, signal.SIGKILL)
         process.wait()
         if process.stdout is not None:
             process.stdout.close()
