@@ -1,18 +1,22 @@
 """All methods on the same random pairs, in one process on one core, beside the fastest peer.
 
 python benchmarks/pairs.py [--pairs N] [--repeats N] [--profiles N ...] [--methods WORD ...]
+    [--all-cores]
 
 Pairs are those of configs/random_pairs.yaml with another seed, so that nothing is tuned on what is
 reported. Times are the least of the repeats of a pair, which is what the method needs when nothing
-else runs, then the median over pairs. Peers that are not installed are left out, and told.
+else runs, then the median over pairs. Peers that are not installed are left out, and told. With
+--all-cores peers may use every core, as they do by default; our methods use one all the same.
 """
 
 from __future__ import annotations
 
 import os
+import sys
 
+ALL_CORES = "--all-cores"
 # Before any library is imported: one core, for those that take all they may, and one thread.
-if hasattr(os, "sched_setaffinity"):
+if ALL_CORES not in sys.argv and hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 from harness.threads import limit_threads
 
@@ -20,6 +24,7 @@ limit_threads()
 
 import argparse  # noqa: E402
 import time  # noqa: E402
+from dataclasses import replace  # noqa: E402
 from pathlib import Path  # noqa: E402
 from typing import Any, NamedTuple  # noqa: E402
 
@@ -57,7 +62,7 @@ class Entry(NamedTuple):
     params: Any
 
 
-def entries() -> list[Entry]:
+def entries(all_cores: bool) -> list[Entry]:
     own = [
         Entry("gauss_sphere", "gauss_sphere", GaussSphereParams(calibration=CALIBRATION)),
         Entry("gauss_sphere without calibration", "gauss_sphere", GaussSphereParams()),
@@ -76,6 +81,9 @@ def entries() -> list[Entry]:
             plane = params_type(voxel_mm, refine=PLANE)
             peers.append(Entry(f"{label} + point to plane", method, plane))
     peers.append(Entry("GICP from the identity", "icp", IcpParams()))
+    if all_cores:
+        cores = os.cpu_count() or 1
+        peers = [peer._replace(params=replace(peer.params, threads=cores)) for peer in peers]
     return own + [entry for entry in peers if _installed(entry)]
 
 
@@ -126,10 +134,11 @@ def main() -> None:
     parser.add_argument("--profiles", type=int, nargs="+", default=[40, 130])
     parser.add_argument("--methods", nargs="+", default=[], help="only labels that hold a word")
     parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument(ALL_CORES, action="store_true", help="as many threads for peers")
     options = parser.parse_args()
     chosen = [
         entry
-        for entry in entries()
+        for entry in entries(options.all_cores)
         if not options.methods or any(word in entry.label for word in options.methods)
     ]
     for profiles in options.profiles:
