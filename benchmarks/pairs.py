@@ -18,7 +18,7 @@ ALL_CORES = "--all-cores"
 # Before any library is imported: one core, for those that take all they may, and one thread.
 if ALL_CORES not in sys.argv and hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-from harness.threads import limit_threads
+from harness.threads import limit_threads  # noqa: E402
 
 limit_threads()
 
