@@ -16,6 +16,7 @@ from harness.report.faults import stage_at_fault
 from harness.report.markup import escaped, table_markup
 from harness.report.offered import worst_first
 from harness.report.records import still_path
+from harness.report.thumbnail import GAP, HEIGHT, WIDTH
 from harness.scoring import COARSE
 from harness.sweep_tables import PREFIX, short_names, swept_keys
 from harness.table_files import Table
@@ -93,7 +94,8 @@ def _card(row: Mapping[Any, Any], command: Command, folder: Path) -> str:
     still = base64.b64encode(still_path(folder, identity).read_bytes()).decode("ascii")
     return (
         f'<article class="card"><h3>{escaped(heading)}</h3>'
-        f'<img loading="lazy" alt="Both scans of the trial laid on each other" '
+        f'<img loading="lazy" width="{2 * WIDTH + GAP}" height="{HEIGHT}" '
+        f'alt="Both scans of the trial laid on each other" '
         f'src="data:image/png;base64,{still}">'
         f"<p>{escaped(row['Reason'])}</p><p>Stage at fault: <strong>{escaped(fault)}</strong></p>"
         f"{command_markup(replay_command(command, identity))}"

@@ -78,8 +78,10 @@ def picture_markup(picture: Picture, identity: str = "") -> str:
     caption = _caption(picture.file.stem)
     mark = f' id="{escaped(identity)}"' if identity else ""
     source = f"data:image/{picture.kind};base64,{base64.b64encode(picture.data).decode('ascii')}"
+    with Image.open(io.BytesIO(picture.data)) as image:
+        size = f'width="{image.width}" height="{image.height}"'  # its place is kept until it loads
     return (
-        f'<figure class="picture"{mark}><img loading="lazy" alt="{escaped(caption)}" '
+        f'<figure class="picture"{mark}><img loading="lazy" {size} alt="{escaped(caption)}" '
         f'src="{source}"><figcaption>{escaped(caption)} <span class="file">'
         f"{escaped(picture.file.name)}</span></figcaption></figure>"
     )
