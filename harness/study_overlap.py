@@ -37,7 +37,7 @@ def overlap_table(rows: pd.DataFrame, edges: Sequence[float]) -> Table:
     for family in [ALL, *families] if len(families) > 1 else families:
         of_family = known if family == ALL else known[known["family"] == family]
         for method, of_method in of_family.groupby("method", sort=False):
-            for low, high, group in _ranges(of_method, edges):
+            for low, high, group in ranges(of_method, edges):
                 records.append(
                     {"Scenes": family, "Method": method, "From": low, "To": high}
                     | {"Mean overlap": group["overlap"].mean()}
@@ -57,10 +57,13 @@ def overlap_table(rows: pd.DataFrame, edges: Sequence[float]) -> Table:
     )
 
 
-def _ranges(
+def ranges(
     rows: pd.DataFrame, edges: Sequence[float]
 ) -> Iterator[tuple[float, float, pd.DataFrame]]:
-    """The ranges that hold rows; the last one's end belongs to it."""
+    """The ranges of overlap that hold rows, with these; the last one's end belongs to it.
+
+    rows: with the column overlap, as with_family gives it. edges: as for overlap_table.
+    """
     for low, high in pairwise(edges):
         last = high == edges[-1]
         inside = (rows["overlap"] >= low) & (

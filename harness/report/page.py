@@ -48,7 +48,8 @@ class Part:
 
     name: unique in the page, starts the ids of its elements. answer: sentence first, then a table.
     tables: beside the answer's. failures: markup. config, facts: texts of config.yaml and run.json.
-    command: what made it. study: what a sweep found, as studies.study gives it.
+    command: what made it. study: what a sweep found, as studies.study gives it, or
+    pair_studies.pair_study.
     """
 
     name: str
@@ -264,7 +265,9 @@ def _study_markup(part: Part) -> str:
 
 def _still_markup(part: Part) -> str:
     """The study for readers without scripts; nothing where the run has figures of its own of it."""
-    if part.study is None or any(file.name.startswith("study_") for file in part.figures):
+    if part.study is None or "whole" in part.study:
+        return ""
+    if any(file.name.startswith("study_") for file in part.figures):
         return ""
     still = base64.b64encode(study_still(part.study)).decode("ascii")
     return (

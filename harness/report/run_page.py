@@ -12,12 +12,14 @@ import pandas as pd
 from harness.config import load_experiment
 from harness.config_errors import ConfigError
 from harness.pool import MakeExecutor
+from harness.random_schema import RandomPairsExperiment
 from harness.report.answer import answer_sentence, answer_table, main_label
 from harness.report.failures import failures_markup, failures_table, replay_command
 from harness.report.folder import FOLDER
 from harness.report.offered import offered, worst_first
 from harness.report.packing import write_whole
 from harness.report.page import FILE_NAME, Part, Shown, page_markup
+from harness.report.pair_studies import pair_study
 from harness.report.records import provided
 from harness.report.studies import study
 from harness.session import Session
@@ -83,7 +85,7 @@ def run_part(
         config=_text(session.folder / "config.yaml"),
         facts=_text(session.folder / "run.json"),
         command=" ".join(command),
-        study=None if sweep is None else study(rows, sweep.design),
+        study=_study(session, rows),
     )
     folders = dict.fromkeys(records, folder)
     # What is seen first is the first repeat of the method that the answer is about, if any is kept.
@@ -92,6 +94,13 @@ def run_part(
     asked = {} if part.study is None else {i for p in part.study["points"] for i in p["ids"]}
     listed = _listed(rows, command, asked)
     return part, Shown(records, folders, listed, first, int((rows["given"] == "").sum()))
+
+
+def _study(session: Session, rows: pd.DataFrame) -> dict[str, Any] | None:
+    experiment = session.experiment
+    if experiment.sweep is not None:
+        return study(rows, experiment.sweep.design)
+    return pair_study(rows, experiment) if isinstance(experiment, RandomPairsExperiment) else None
 
 
 def _sentence(session: Session, rows: pd.DataFrame, tables: Sequence[Table]) -> str:

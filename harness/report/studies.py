@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,15 +17,32 @@ from harness.sweep_tables import PREFIX, short_names, swept_keys
 MOST_POINTS = 1500  # that a reader and a browser can tell apart
 LISTED_TRIALS = 60  # behind a point
 SPREADS = {"deg": "rotation_error_deg", "mm": "translation_error_mm", "ms": "ms_registration"}
+# Of the values of each group, the median and the ends of its bar.
+Bars = Callable[
+    ["pd.Series[float]", NDArray[np.integer[Any]]], Mapping[int, Sequence[float | None]]
+]
 
 
-def study(rows: pd.DataFrame, design: str) -> dict[str, Any]:
+def quartiles(values: pd.Series[float], places: NDArray[np.integer[Any]]) -> dict[int, list[float]]:
+    """By group, median and quartiles; no entry where there is nothing.
+
+    values: whose index counts the rows. places: by row, its group.
+    """
+    groups = values.groupby(places[values.index.to_numpy()])
+    found = groups.quantile(np.array([0.5, 0.25, 0.75])).unstack()
+    return {
+        int(place): list(three)
+        for place, three in zip(found.index, found.to_numpy().tolist(), strict=True)
+    }
+
+
+def study(rows: pd.DataFrame, design: str, bars: Bars = quartiles) -> dict[str, Any]:
     """The points of a sweep as plain values; studies.js draws them.
 
     rows: as store.load gives those of a sweep. design: of the sweep. Each point has its values in
     the order of the keys, what was varied, the method, shares with Wilson's interval, medians of
-    the errors of those within the coarse tolerance, and the ids of its first trials. Of a large
-    sweep an even part of the points: shown, of.
+    the errors of those within the coarse tolerance with the ends of their bars, and the ids of its
+    first trials. Of a large sweep an even part of the points: shown, of.
     """
     keys = swept_keys(rows)
     names = short_names(keys)
@@ -42,7 +60,7 @@ def study(rows: pd.DataFrame, design: str) -> dict[str, Any]:
     rights = {name: np.bincount(places, known[name]).astype(int) for name in flags}
     good = known["coarse"].to_numpy()
     spreads = {
-        short: _quartiles(known.loc[good & known[column].notna().to_numpy(), column], places)
+        short: bars(known.loc[good & known[column].notna().to_numpy(), column], places)
         for short, column in SPREADS.items()
         if column in known
     }
@@ -74,18 +92,6 @@ def study(rows: pd.DataFrame, design: str) -> dict[str, Any]:
             name: f"{t.rotation_deg:g}° and {t.translation_mm:g} mm"
             for name, t in (("fine", FINE), ("coarse", COARSE))
         },
-    }
-
-
-def _quartiles(
-    values: pd.Series[float], places: NDArray[np.integer[Any]]
-) -> dict[int, list[float]]:
-    """By group, median and quartiles, as drawn with their bars; no entry where there is nothing."""
-    groups = values.groupby(places[values.index.to_numpy()])
-    found = groups.quantile(np.array([0.5, 0.25, 0.75])).unstack()
-    return {
-        int(place): list(three)
-        for place, three in zip(found.index, found.to_numpy().tolist(), strict=True)
     }
 
 
