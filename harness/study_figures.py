@@ -49,8 +49,9 @@ def logarithmic(ax: Axes, which: Literal["x", "y"], values: FloatArray) -> None:
         return
     ax.set(**{f"{which}scale": "log"})
     axis = ax.xaxis if which == "x" else ax.yaxis
-    wide = np.nanmax(values) >= 10.0 * np.nanmin(values)
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if wide else MaxNLocator(4))
+    spread = np.nanmax(values) / np.nanmin(values)
+    steps = (1.0, 2.0, 5.0) if spread < 50.0 else (1.0, 3.0)  # more would touch on narrow panels
+    axis.set_major_locator(LogLocator(subs=steps) if spread >= 10.0 else MaxNLocator(4))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
 
