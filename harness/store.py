@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from harness.store_file import FILE_NAME as FILE_NAME
-from harness.store_file import STOPPED, Lock, connect, packed, telling
+from harness.store_file import Lock, connect, packed, telling
 from harness.store_file import StoreError as StoreError
 from harness.store_load import load as load
 from harness.sweep import Point
@@ -77,8 +77,6 @@ class Store:
         self._lock = Lock(folder)
         try:
             self._connection = connect(self.path)
-            with telling(self.path):
-                self._connection.execute(STOPPED)
         except StoreError:
             self._lock.release()
             raise
@@ -179,12 +177,13 @@ class Store:
             _packed_pose(row.T_exact), _packed_pose(row.T_theoretical),
             _packed_pose(row.T_estimated),
             row.rotation_error_deg, row.translation_error_mm,
-            row.overlap_target, row.overlap_source, packed(row.bounds),
-            packed(row.covariance), packed(row.undetermined),
+            row.overlap_target, row.overlap_source,
             self._number_of(connection, row.counts), packed(list(row.counts.values())),
         )  # fmt: skip
         marks = ", ".join("?" * len(values))
         connection.execute(f"INSERT OR REPLACE INTO trials VALUES ({marks})", values)
+        matrices = (row.id, packed(row.bounds), packed(row.covariance), packed(row.undetermined))
+        connection.execute("INSERT OR REPLACE INTO matrices VALUES (?, ?, ?, ?)", matrices)
         connection.execute("DELETE FROM stopped WHERE id = ?", (row.id,))
         if row.stage:
             connection.execute("INSERT INTO stopped VALUES (?, ?)", (row.id, row.stage))

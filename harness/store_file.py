@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 FILE_NAME = "trials.sqlite"
 LOCK_NAME = "trials.lock"
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 
 FloatArray = NDArray[np.float64]
 
@@ -33,11 +33,20 @@ CREATE TABLE trials (
     translation_error_mm REAL,
     overlap_target REAL,
     overlap_source REAL,
-    bounds BLOB,
-    covariance BLOB,
-    undetermined BLOB,
     count_names INTEGER NOT NULL REFERENCES names (number),
     counts BLOB NOT NULL
+) STRICT;
+-- Apart from the rows: summaries need none of them, and read much less of the file without.
+CREATE TABLE matrices (
+    id TEXT PRIMARY KEY REFERENCES trials (id),
+    bounds BLOB,
+    covariance BLOB,
+    undetermined BLOB
+) STRICT;
+-- At which stage the method stopped, for the trials of which it says so.
+CREATE TABLE stopped (
+    id TEXT PRIMARY KEY REFERENCES trials (id),
+    stage TEXT NOT NULL
 ) STRICT;
 CREATE TABLE parts (
     hash TEXT PRIMARY KEY,
@@ -86,16 +95,6 @@ CREATE TABLE drawings (
 """
 
 
-# Beside the rows and not in them: stores that were written before it are of the same version.
-STOPPED = """
--- At which stage the method stopped, for the trials of which it says so.
-CREATE TABLE IF NOT EXISTS stopped (
-    id TEXT PRIMARY KEY REFERENCES trials (id),
-    stage TEXT NOT NULL
-) STRICT;
-"""
-
-
 class StoreError(RuntimeError):
     """A store that cannot be used; the message says the way out."""
 
@@ -113,7 +112,7 @@ def connect(path: Path) -> sqlite3.Connection:
         if version == 0 and not connection.execute("SELECT * FROM sqlite_master").fetchall():
             connection.execute("PRAGMA journal_mode = WAL")
             connection.executescript(
-                f"BEGIN; {_SCHEMA} {STOPPED} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT"
+                f"BEGIN; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT"
             )
             version = SCHEMA_VERSION
         # What is committed outlives a kill of the process; only a loss of power may cost the end.

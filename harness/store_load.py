@@ -57,9 +57,11 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
         run = _columns(connection, "SELECT id, pair, method, given, repeat, point FROM run "
                        "ORDER BY position")  # fmt: skip
         wanted = ["id", "status", "reason", *NUMBERS, "count_names", "counts", *POSES]
-        wanted += [*(ARRAYS if arrays else ()), *(["spec"] if specs else ())]
+        wanted += ["spec"] if specs else []
         rows = _columns(connection, f"SELECT {', '.join(wanted)} FROM trials")
-        stopped = _stopped(connection)
+        query = f"SELECT id, {', '.join(ARRAYS)} FROM matrices"
+        matrices = _columns(connection, query) if arrays else {}
+        stopped = dict(connection.execute("SELECT id, stage FROM stopped"))
         failed = dict(connection.execute("SELECT id, traceback FROM trials WHERE traceback != ''"))
         times = _columns(connection, "SELECT id, stage_names, stage_ms FROM timings")
         names = dict(connection.execute("SELECT number, text FROM names"))
@@ -84,22 +86,16 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
         blocks.append(pd.DataFrame({"spec": np.array(full, dtype=object)}))
     blocks.append(pd.DataFrame({name: rows[name].astype(np.float64) for name in NUMBERS}))
     if arrays:
+        of_matrix = pd.Index(matrices["id"]).get_indexer(pd.Index(run["id"]))
+        held = poses | {name: matrices[name][of_matrix] for name in ARRAYS}
         shapes = POSES | ARRAYS
-        columns = {name: unpacked(list(rows[name]), shape) for name, shape in shapes.items()}
+        columns = {name: unpacked(list(held[name]), shape) for name, shape in shapes.items()}
         blocks.append(pd.DataFrame(columns, dtype=object))
     blocks.append(_spread(COUNTS, rows["count_names"], rows["counts"], names))
     times = {name: column[of_time] for name, column in times.items()}
     blocks.append(_spread(TIMES, times["stage_names"], times["stage_ms"], names))
     blocks.append(_parameters(poses))
     return pd.concat(blocks, axis=1)
-
-
-def _stopped(connection: sqlite3.Connection) -> dict[str, str]:
-    """By id, the stage at which the method stopped; nothing in a store that is older than that."""
-    query = "SELECT * FROM sqlite_master WHERE name = 'stopped'"
-    if not connection.execute(query).fetchall():
-        return {}
-    return dict(connection.execute("SELECT id, stage FROM stopped"))
 
 
 def _columns(connection: sqlite3.Connection, query: str) -> dict[str, NDArray[np.object_]]:

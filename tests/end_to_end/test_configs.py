@@ -49,7 +49,8 @@ def rows_of(folder: Path) -> list[tuple[object, ...]]:
     with contextlib.closing(
         sqlite3.connect(f"file:{folder}/trials.sqlite?mode=ro", uri=True)
     ) as connection:
-        return connection.execute("SELECT * FROM trials ORDER BY id").fetchall()
+        query = "SELECT * FROM trials JOIN matrices USING (id) ORDER BY id"
+        return connection.execute(query).fetchall()
 
 
 @pytest.mark.parametrize("file", CONFIGS, ids=lambda file: file.stem)

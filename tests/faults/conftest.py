@@ -90,7 +90,8 @@ def rows_of(out: Path) -> list[tuple[object, ...]]:
     with contextlib.closing(
         sqlite3.connect(f"file:{out}/trials.sqlite?mode=ro", uri=True)
     ) as connection:
-        return connection.execute("SELECT * FROM trials ORDER BY id").fetchall()
+        query = "SELECT * FROM trials JOIN matrices USING (id) ORDER BY id"
+        return connection.execute(query).fetchall()
 
 
 def count_of(out: Path) -> int:

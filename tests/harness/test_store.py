@@ -82,19 +82,6 @@ def test_a_row_says_where_the_method_stopped(small_file: Path, tmp_path: Path) -
     assert list(load(tmp_path)["stage"]) == ["", ""]
 
 
-def test_a_store_from_before_stages_is_read_and_goes_on(small_file: Path, tmp_path: Path) -> None:
-    trials = open_session(small_file, None).trials
-    with Store(tmp_path) as store:
-        store.begin(trials)
-        store.add(Row(trials[0].id, "{}", "failed", reason="why"), "code")
-    with sqlite3.connect(tmp_path / FILE_NAME) as connection:
-        connection.execute("DROP TABLE stopped")
-    assert list(load(tmp_path)["stage"]) == [""]
-    with Store(tmp_path) as store:
-        store.add(Row(trials[1].id, "{}", "failed", reason="why", stage="scan"), "code")
-    assert list(load(tmp_path)["stage"]) == ["", "scan"]
-
-
 def test_only_rows_of_the_present_configuration_are_loaded(
     small_file: Path, tmp_path: Path
 ) -> None:
