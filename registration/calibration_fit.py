@@ -15,6 +15,7 @@ from registration.table_fit import FittedTable, Nuisance, fitted_table
 
 APART_MM, MOST_DEPTHS = 30.0, 16  # distances closer than that are one; beyond 16, even steps
 BINS = 10
+UNIT_WITHIN, LEAST_COSINE = 1e-3, 0.02  # a target's normal: its length, and its cosine to Z
 MARGIN_MM = 10.0  # beyond the nearest and the farthest target
 # Tangents of incidence: dense where a flat target's own profile lies, then up to 72 degrees.
 TANGENTS = np.array([*np.linspace(0.0, 0.26, 14), 0.32, 0.40, 0.55, 0.80, 1.2, 1.8, 3.0])
@@ -69,8 +70,11 @@ def fit_calibration(
     the tangent of the incidence and the slope of the beam are equal. At least one tilted set is
     needed; both forms are fitted to all scans, and the one that leaves less is kept. Bias and
     noise hold over the depths and inclinations of the targets. Raises ValueError where fewer than
-    two distances or no tilt make that impossible.
+    two distances or no tilt make that impossible, and where a target was not seen or its place
+    cannot be one.
     """
+    for number, target in enumerate(targets, start=1):
+        _check(number, target)
     apex_mm = beam_apex_mm([target.scan for target in targets])
     samples, depths_mm = _samples(targets, apex_mm)
     slopes = np.linspace(samples.slope.min(), samples.slope.max(), SLOPES)
@@ -105,6 +109,20 @@ def fit_calibration(
     sigma = _noise_table(samples, left[form], spread_law, depths_mm)
     known_to_mm = float(np.median(fits[form].deviation_mm))
     return Calibration(form, apex_mm, fits[form].table, sigma, measured_by, rms_mm, known_to_mm)
+
+
+def _check(number: int, target: TargetScan) -> None:
+    """Raise ValueError where nothing can be told from a target."""
+    if target.scan.n_valid == 0:
+        raise ValueError(f"target {number} has no measured point; leave its scan out")
+    normal = np.asarray(target.normal, dtype=np.float64)
+    unit = normal.shape == (3,) and abs(np.linalg.norm(normal) - 1.0) < UNIT_WITHIN
+    # Edge-on to Z it would cross Z nowhere, and its incidence has no tangent.
+    if not (unit and abs(normal[2]) > LEAST_COSINE and np.isfinite(target.offset_mm)):
+        raise ValueError(
+            f"target {number} stands at normal {normal.tolist()} and {target.offset_mm} mm; "
+            "expected a unit vector that does not lie across Z, and a finite distance"
+        )
 
 
 def _bias_table(

@@ -104,6 +104,8 @@ def estimate_apex(scan: Scan) -> FloatArray:
     pixels = _pixel_lines(scan.points_mm, scan.origins_mm)
     # Below 5 mm of relief a slope is mostly rounding.
     used = (pixels.n >= 3) & (pixels.spread / np.maximum(pixels.n, 1.0) > 25.0)
+    # Points absurdly far away, as marks of no return may be, overflow.
+    used &= np.isfinite(pixels.spread) & np.isfinite(pixels.shared)
     parallel = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
     if np.count_nonzero(used) < 8:
         return parallel

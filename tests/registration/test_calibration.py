@@ -150,6 +150,26 @@ def test_a_calibration_needs_distances_and_a_tilt() -> None:
         fit_calibration([_target(500.0, (0.0, 0.0), "incidence", noise=0.0)])
 
 
+@pytest.mark.parametrize(
+    ("normal", "offset_mm", "seen", "message"),
+    [
+        ((0.0, 0.0, 1.0), 500.0, False, "target 2 has no measured point"),
+        ((1.0, 0.0, 0.0), 500.0, True, "target 2 stands at .* across Z"),
+        ((0.0, 0.0, 2.0), 500.0, True, "expected a unit vector"),
+        ((0.0, 0.0, np.nan), 500.0, True, "expected a unit vector"),
+        ((0.0, 0.0, 1.0), np.inf, True, "a finite distance"),
+    ],
+)
+def test_a_target_that_tells_nothing_is_named(
+    normal: tuple[float, float, float], offset_mm: float, seen: bool, message: str
+) -> None:
+    first = _target(300.0, (20.0, 0.0), "incidence")
+    points_mm = first.scan.points_mm if seen else np.full_like(first.scan.points_mm, np.nan)
+    second = TargetScan(Scan.from_points(points_mm, 4.0), np.array(normal), offset_mm)
+    with pytest.raises(ValueError, match=message):
+        fit_calibration([first, second])
+
+
 def test_targets_that_stood_elsewhere_than_told_cost_little_when_the_bench_is_known() -> None:
     def error_mm(calibration: Calibration) -> float:
         depth_mm, tangent = np.linspace(330.0, 1070.0, 9)[:, None], np.linspace(0.0, 0.6, 41)

@@ -32,6 +32,14 @@ def test_the_apex_is_found_where_the_beams_meet() -> None:
     np.testing.assert_allclose(estimate_apex(scan), [0.0, 0.0, -APEX_BEHIND_MM], atol=1e-6)
 
 
+def test_marks_of_no_return_absurdly_far_away_leave_the_apex() -> None:
+    rng = np.random.default_rng(0)
+    points_mm = scan_plates(random_clutter(rng), noise=1.0, rng=rng).points_mm.copy()
+    points_mm[1, ::7] = 1e200
+    apex_mm = estimate_apex(Scan.from_points(points_mm, 5.0))
+    np.testing.assert_allclose(apex_mm, [0.0, 0.0, -APEX_BEHIND_MM], atol=1e-6)
+
+
 def test_a_scan_without_relief_gets_nearly_parallel_beams() -> None:
     scan = scan_plates(plates((0.0, 0.0, -1.0), half_mm=300.0))
     assert estimate_apex(scan)[2] < -1e4
