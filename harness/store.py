@@ -194,12 +194,11 @@ class Store:
         )
 
     def _number_of(self, connection: sqlite3.Connection, names: Iterable[str]) -> int:
-        """The number of a list of names; rows of one method share theirs."""
+        """The number of a list of names, the same in every run; rows of one method share theirs."""
         text = json.dumps(list(names))
-        connection.execute("INSERT OR IGNORE INTO names (text) VALUES (?)", (text,))
-        query = "SELECT number FROM names WHERE text = ?"
-        (number,) = connection.execute(query, (text,)).fetchone()
-        return int(number)
+        number = int.from_bytes(hashlib.sha256(text.encode()).digest()[:6])
+        connection.execute("INSERT OR IGNORE INTO names VALUES (?, ?)", (number, text))
+        return number
 
     def _shortened(self, connection: sqlite3.Connection, spec: str) -> str:
         """A spec with the hashes of its larger parts in their place; the parts are kept once."""
