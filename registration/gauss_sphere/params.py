@@ -85,22 +85,27 @@ class TranslationParams:
 
     patches: only so many of each view, of the largest area, are paired.
     angle_tolerance_rad: normals of a pair differ by less after the turn.
-    pairs: pairs, of the largest area, that are tried together; starts: two of them at a time.
+    pairs: pairs, of the largest area, of which two start a shift; third_pairs: that may fix the
+        line which two leave open, at per_line places; starts: shifts that are tried.
     distance_tolerance_mm: by how much the distances of two planes may differ under a shift, and
         tilt_tolerance_rad: besides, over the size of the patches, for an imprecise rotation.
     reach: outlines overlap within so many standard deviations of their points.
-    distinct_mm: shifts closer together are one; kept_per_rotation: that go on to verification.
+    distinct_mm: shifts closer together are one; kept_per_rotation: that go on to verification, or
+        more where the rotations are so few that kept shifts are not reached.
     """
 
-    patches: int = 24
+    patches: int = 48
     angle_tolerance_rad: float = 0.10
     pairs: int = 64
-    starts: int = 200
+    third_pairs: int = 256
+    starts: int = 300
+    per_line: int = 3
     distance_tolerance_mm: float = 8.0
     tilt_tolerance_rad: float = 0.03
     reach: float = 1.8
     distinct_mm: float = 15.0
     kept_per_rotation: int = 4
+    kept: int = 160
 
 
 @dataclass(frozen=True)
@@ -114,6 +119,7 @@ class RefineParams:
         distance below consistent_distance2.
     capped_distance2: squared distances count up to this when the covariance is made to agree with
         them; widest_mm: largest systematic error that it is given.
+    held_mm: standard deviation by which the middle of the matched surface may move at a time.
     """
 
     rounds: int = 10
@@ -124,6 +130,7 @@ class RefineParams:
     consistent_share: float = 0.6
     capped_distance2: float = 25.0
     widest_mm: float = 30.0
+    held_mm: float = 10.0
 
 
 @dataclass(frozen=True)
@@ -146,7 +153,7 @@ class VerificationParams:
     contradiction_weight: float = 2.0
     rough_tolerance_mm: float = 20.0
     rough_stride: int = 8
-    ranked: int = 40
+    ranked: int = 160
     kept: int = 10
     worth_settling: float = 0.4
     worth_refining: float = 0.6

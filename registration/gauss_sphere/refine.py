@@ -27,6 +27,7 @@ class Likelihood(NamedTuple):
     consistent_share: float
     capped_distance2: float
     widest_mm: float
+    held_mm: float
 
 
 def likelihood(params: RefineParams) -> Likelihood:
@@ -39,6 +40,7 @@ def likelihood(params: RefineParams) -> Likelihood:
         params.consistent_share,
         params.capped_distance2,
         params.widest_mm,
+        params.held_mm,
     )
 
 
@@ -141,7 +143,9 @@ def maximise(
     Each view has measured (tilt, tilt, offset) of a plane with the covariance of its own fit; under
     the pose their difference has the sum of both covariances. Gauss-Newton with
     Levenberg-Marquardt damping on it attains the Cramer-Rao bound with the plane parameters as
-    nuisances. A heavy tail keeps single wrong pairs from bending the pose.
+    nuisances. A heavy tail keeps single wrong pairs from bending the pose. The middle of the
+    matched surface is held, softly, where it is: along a direction that no plane fixes, the noise
+    of the normals would carry the pose away. The information is that of the planes alone.
 
     pairs: (m, 2) target and source patch.  floor_mm: systematic error of a plane's offset, and over
     the lever of its tilt, added to every covariance.  r (3, 3), t (3,): the pose, changed in place.
@@ -150,11 +154,14 @@ def maximise(
     enough: gain in log likelihood below which a step is the last.
     """
     hessian, gradient = np.zeros((6, 6)), np.zeros(6)
-    lower, step = np.zeros((6, 6)), np.zeros(6)
+    lower, planes_alone, step = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
     trial_r, trial_t = r.copy(), t.copy()
     damping = 1e-4
+    held = _middle(target, pairs)
+    held_source = r.T @ (held - t)
     cost = _accumulate(target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2)
     information[:] = hessian
+    _hold(held, held_source, likely.held_mm, r, t, hessian, gradient)
     for _ in range(likely.rounds):
         solve_damped6(hessian, gradient, damping, lower, step)
         # No step may turn further than the linearisation holds.
@@ -165,20 +172,72 @@ def maximise(
         trial = _accumulate(
             target, source, pairs, likely, floor_mm, trial_r, trial_t, hessian, gradient, distance2
         )
+        planes_alone[:] = hessian
+        trial += _hold(held, held_source, likely.held_mm, trial_r, trial_t, hessian, gradient)
         if trial <= cost:
             gain = cost - trial
             cost = trial
             r[:] = trial_r
             t[:] = trial_t
-            information[:] = hessian
+            information[:] = planes_alone
             damping = max(damping * 0.1, 1e-9)
             if gain < enough:
                 break
         else:
             damping *= 100.0
             _accumulate(target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2)
+            _hold(held, held_source, likely.held_mm, r, t, hessian, gradient)
             if damping > 1e6:
                 break
+
+
+@compiled
+def _middle(target: Patches, pairs: IntArray) -> FloatArray:
+    """(3,) middle of the target's matched planes, in mm."""
+    middle, total = np.zeros(3), 0.0
+    for m in range(pairs.shape[0]):
+        area = target.area_mm2[pairs[m, 0]]
+        total += area
+        for u in range(3):
+            middle[u] += area * target.centroid_mm[pairs[m, 0], u]
+    return middle / max(total, 1e-12)
+
+
+@compiled
+def _hold(
+    held: FloatArray,
+    held_source: FloatArray,
+    held_mm: float,
+    r: FloatArray,
+    t: FloatArray,
+    hessian: FloatArray,
+    gradient: FloatArray,
+) -> float:
+    """Add to gradient and Hessian what holds a point of the source in its place; its cost.
+
+    held, held_source: (3,) where the point was in the target, and in the source's coordinates.
+    """
+    weight, cost = 1.0 / (held_mm * held_mm), 0.0
+    place, away = np.empty(3), np.empty(3)
+    for u in range(3):
+        place[u] = t[u]
+        for v in range(3):
+            place[u] += r[u, v] * held_source[v]
+        away[u] = place[u] - held[u]
+        cost += weight * away[u] * away[u]
+    # A perturbation (w, v) on the left moves the place by w x place + v.
+    jacobian = np.zeros((3, 6))
+    jacobian[0, 1], jacobian[0, 2] = place[2], -place[1]
+    jacobian[1, 0], jacobian[1, 2] = -place[2], place[0]
+    jacobian[2, 0], jacobian[2, 1] = place[1], -place[0]
+    for u in range(3):
+        jacobian[u, 3 + u] = 1.0
+    for u in range(3):
+        for i in range(6):
+            gradient[i] += weight * jacobian[u, i] * away[u]
+            for k in range(6):
+                hessian[i, k] += weight * jacobian[u, i] * jacobian[u, k]
+    return cost
 
 
 @compiled
