@@ -72,7 +72,7 @@ def judge(
             candidates[0].T_target_source,
             "ambiguous",
             f"{len(rivals) + 1} poses fit about equally well: the scanned part is symmetric or "
-            f"too little is shared; the best of the others scores "
+            f"repeats itself, or too little is shared; the best of the others scores "
             f"{rivals[0].score / best.score:.0%} of the first",
             covariance=covariance,
             candidates=candidates[1:],
@@ -117,6 +117,8 @@ def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams)
     slides freely on two planes agrees with any scene; it does not question one that many planes
     agree on to within their noise.
     """
+    if repeats(pose, best, target, params):
+        return True
     if pose.score <= params.rival_share * best.score:
         return False
     if pose.areas[CONTRADICTION] > params.most_contradiction * pose.areas[SUPPORT]:
@@ -124,6 +126,25 @@ def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams)
     if agreeing_planes(best, target, params) < params.sure_planes:
         return True
     return not bool(uncertainty(pose, pose.information, target, params)[1].size)
+
+
+def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) -> bool:
+    """Whether a pose lays as many planes on each other as the best, on less surface.
+
+    Where a scene repeats itself, as shelves and rows of boxes do, a pose that is off by a period
+    differs from the true one in how much the views share, and not in how well they agree on it.
+    """
+    if pose.score <= params.repeat_share * best.score:
+        return False
+    planes = agreeing_planes(pose, target, params)
+    if planes < max(
+        params.sure_planes - 1, params.repeat_planes * agreeing_planes(best, target, params)
+    ):
+        return False
+    # A pose that slides is easily like another; then free space must not speak against it.
+    slides = bool(uncertainty(pose, pose.information, target, params)[1].size)
+    allowed = params.sliding_contradiction if slides else params.repeat_contradiction
+    return bool(pose.areas[CONTRADICTION] <= allowed * pose.areas[SUPPORT])
 
 
 def transforms(poses: list[Settled]) -> RigidTransform:

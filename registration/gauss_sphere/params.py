@@ -105,7 +105,7 @@ class TranslationParams:
     reach: float = 1.8
     distinct_mm: float = 15.0
     kept_per_rotation: int = 4
-    kept: int = 160
+    kept: int = 80
 
 
 @dataclass(frozen=True)
@@ -153,10 +153,10 @@ class VerificationParams:
     contradiction_weight: float = 2.0
     rough_tolerance_mm: float = 20.0
     rough_stride: int = 8
-    ranked: int = 160
+    ranked: int = 80
     kept: int = 10
     worth_settling: float = 0.4
-    worth_refining: float = 0.6
+    worth_refining: float = 0.4
 
 
 @dataclass(frozen=True)
@@ -205,6 +205,9 @@ class DecisionParams:
         surface. Unrelated scenes reached three or four planes, and 19 % of the surface.
     same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
     rival_share: share of the best score at which another pose makes the answer ambiguous.
+    repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a
+        share. At most repeat_contradiction speaks against it, as a share of the support, or
+        sliding_contradiction where it leaves a direction open.
     open_rad, open_mm: a direction known no better than this is open.
     distinct_rad, distinct_mm: poses closer than this are one.
     """
@@ -218,6 +221,10 @@ class DecisionParams:
     same_plane_rad: float = 0.03
     same_plane_mm: float = 5.0
     rival_share: float = 0.75
+    repeat_share: float = 0.4
+    repeat_planes: float = 0.5
+    repeat_contradiction: float = 0.25
+    sliding_contradiction: float = 0.1
     open_rad: float = 0.035
     open_mm: float = 10.0
     distinct_rad: float = 0.05
