@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.calibrated import read_known
+from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.refine import (
@@ -287,5 +288,10 @@ def _finish(
         target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely,
         found.floor_mm[c], r, t, found.sure[c], 0.0,
     )  # fmt: skip
+    for information in (found.information[c], found.sure[c]):
+        take_chance(
+            target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely,
+            found.floor_mm[c], r, t, information,
+        )  # fmt: skip
     compare_both(target, source, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
     found.score[c] = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]

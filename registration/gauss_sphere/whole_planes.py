@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 
+from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches
@@ -219,3 +220,4 @@ def _refine(
         joined[best_i, best_k] = True
         pairs[n, 0], pairs[n, 1] = best_i, best_k
         n += 1
+    take_chance(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, sure)
