@@ -136,13 +136,12 @@ def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) 
     """
     if pose.score <= params.repeat_share * best.score:
         return False
-    planes = agreeing_planes(pose, target, params)
-    if planes < max(
-        params.sure_planes - 1, params.repeat_planes * agreeing_planes(best, target, params)
-    ):
-        return False
-    # A pose that slides is easily like another; then free space must not speak against it.
+    # A pose that slides is easily like another: more must speak for it, and less against it.
     slides = bool(uncertainty(pose, pose.information, target, params)[1].size)
+    least = params.sure_planes if slides else params.sure_planes - 1
+    planes = agreeing_planes(best, target, params)
+    if agreeing_planes(pose, target, params) < max(least, params.repeat_planes * planes):
+        return False
     allowed = params.sliding_contradiction if slides else params.repeat_contradiction
     return bool(pose.areas[CONTRADICTION] <= allowed * pose.areas[SUPPORT])
 
