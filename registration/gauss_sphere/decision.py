@@ -139,8 +139,9 @@ def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) 
     # A pose that slides is easily like another: more must speak for it, and less against it.
     slides = bool(uncertainty(pose, pose.information, target, params)[1].size)
     least = params.sure_planes if slides else params.sure_planes - 1
+    share = params.sliding_planes if slides else params.repeat_planes
     planes = agreeing_planes(best, target, params)
-    if agreeing_planes(pose, target, params) < max(least, params.repeat_planes * planes):
+    if agreeing_planes(pose, target, params) < max(least, share * planes):
         return False
     allowed = params.sliding_contradiction if slides else params.repeat_contradiction
     return bool(pose.areas[CONTRADICTION] <= allowed * pose.areas[SUPPORT])

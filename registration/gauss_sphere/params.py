@@ -206,8 +206,8 @@ class DecisionParams:
     same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
     rival_share: share of the best score at which another pose makes the answer ambiguous.
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a
-        share. At most repeat_contradiction speaks against it, as a share of the support, or
-        sliding_contradiction where it leaves a direction open.
+        share, and against which repeat_contradiction speaks at most, as a share of its support;
+        sliding_planes and sliding_contradiction for one that leaves a direction open.
     open_rad, open_mm: a direction known no better than this is open.
     distinct_rad, distinct_mm: poses closer than this are one.
     """
@@ -223,6 +223,7 @@ class DecisionParams:
     rival_share: float = 0.75
     repeat_share: float = 0.4
     repeat_planes: float = 0.5
+    sliding_planes: float = 0.6
     repeat_contradiction: float = 0.25
     sliding_contradiction: float = 0.1
     open_rad: float = 0.035
