@@ -18,7 +18,6 @@ from harness.store_file import FILE_NAME as FILE_NAME
 from harness.store_file import Lock, connect, packed, telling
 from harness.store_file import StoreError as StoreError
 from harness.store_load import load as load
-from harness.sweep import Point
 from harness.trials import Trial
 
 RowStatus = Literal["ok", "ambiguous", "underdetermined", "failed", "no_overlap", "error"]
@@ -81,6 +80,8 @@ class Store:
             self._lock.release()
             raise
         self._parts: dict[str, None] = {}  # some that are in the file
+        self._kinds: dict[tuple[str, str, str], int] = {}  # some that are in the file
+        self._known: dict[tuple[str, tuple[str | bytes | None, ...]], int] = {}  # the same
 
     def __enter__(self) -> Store:
         return self
@@ -99,15 +100,19 @@ class Store:
         points = {trial.point.number: trial.point for trial in trials if trial.point is not None}
         keys = list(next(iter(points.values())).shown) if points else []
         with telling(self.path), self._connection as connection:
-            for table in ("run", "points", "swept"):
+            for table in ("run", "kinds", "points", "swept"):
                 connection.execute(f"DELETE FROM {table}")
+            self._kinds.clear()
             connection.executemany(
-                "INSERT INTO run VALUES (?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO run VALUES (?, ?, ?, ?, ?)",
                 (
-                    (position, t.id, t.pair, t.label, t.spec.given, t.spec.repeat, _number(t.point))
-                    for position, t in enumerate(trials)
+                    (
+                        position, self._number(connection, trial.id),
+                        self._kind(connection, trial), trial.spec.repeat, _point_of(trial),
+                    )
+                    for position, trial in enumerate(trials)
                 ),
-            )
+            )  # fmt: skip
             connection.executemany(
                 "INSERT INTO points VALUES (?, ?, ?)",
                 (
@@ -119,13 +124,16 @@ class Store:
 
     def finished(self, code: str) -> set[str]:
         """Ids of the rows that this code computed and that are no errors."""
-        query = "SELECT id FROM trials JOIN timings USING (id) WHERE code = ? AND status != 'error'"
+        query = (
+            "SELECT id FROM timings JOIN trials USING (number) JOIN ids USING (number) "
+            "JOIN endings ON endings.number = ending WHERE code = ? AND status != 'error'"
+        )
         with telling(self.path):
             return {identity for (identity,) in self._connection.execute(query, (code,))}
 
     def outdated(self, ids: Iterable[str], code: str) -> int:
         """How many of the trials have a row that other code computed."""
-        query = "SELECT id FROM timings WHERE code != ?"
+        query = "SELECT id FROM timings JOIN ids USING (number) WHERE code != ?"
         others = {identity for (identity,) in self._connection.execute(query, (code,))}
         return len(others.intersection(ids))
 
@@ -172,33 +180,63 @@ class Store:
                 self._insert(connection, row, code)
 
     def _insert(self, connection: sqlite3.Connection, row: Row, code: str) -> None:
-        values = (
-            row.id, self._shortened(connection, row.spec), row.status, row.reason, row.traceback,
-            _packed_pose(row.T_exact), _packed_pose(row.T_theoretical),
-            _packed_pose(row.T_estimated),
+        number = self._number(connection, row.id)
+        self._replace(
+            "trials", number,
+            self._shared("endings", row.status, row.stage, row.reason, row.traceback),
             row.rotation_error_deg, row.translation_error_mm,
             row.overlap_target, row.overlap_source,
-            self._number_of(connection, row.counts), packed(list(row.counts.values())),
+            self._listed(row.counts), packed(list(row.counts.values())),
+            self._shared("truths", _packed_pose(row.T_exact), _packed_pose(row.T_theoretical)),
+            _packed_pose(row.T_estimated),
         )  # fmt: skip
-        marks = ", ".join("?" * len(values))
-        connection.execute(f"INSERT OR REPLACE INTO trials VALUES ({marks})", values)
-        matrices = (row.id, packed(row.bounds), packed(row.covariance), packed(row.undetermined))
-        connection.execute("INSERT OR REPLACE INTO matrices VALUES (?, ?, ?, ?)", matrices)
-        connection.execute("DELETE FROM stopped WHERE id = ?", (row.id,))
-        if row.stage:
-            connection.execute("INSERT INTO stopped VALUES (?, ?)", (row.id, row.stage))
-        stages = self._number_of(connection, row.stage_ms)
-        connection.execute(
-            "INSERT OR REPLACE INTO timings VALUES (?, ?, ?, ?)",
-            (row.id, code, stages, packed(list(row.stage_ms.values()))),
-        )
+        matrices = (row.bounds, row.covariance, row.undetermined)
+        self._replace("matrices", number, *map(packed, matrices))
+        self._replace("specs", number, self._shortened(connection, row.spec))
+        times = packed(list(row.stage_ms.values()))
+        self._replace("timings", number, code, self._listed(row.stage_ms), times)
 
-    def _number_of(self, connection: sqlite3.Connection, names: Iterable[str]) -> int:
-        """The number of a list of names, the same in every run; rows of one method share theirs."""
-        text = json.dumps(list(names))
-        number = int.from_bytes(hashlib.sha256(text.encode()).digest()[:6])
-        connection.execute("INSERT OR IGNORE INTO names VALUES (?, ?)", (number, text))
-        return number
+    def _replace(self, table: str, *values: Any) -> None:
+        marks = ", ".join("?" * len(values))
+        self._connection.execute(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", values)
+
+    def _number(self, connection: sqlite3.Connection, identity: str) -> int:
+        """The number of a trial in this file, a new one where it is not known yet."""
+        made = connection.execute("INSERT OR IGNORE INTO ids (id) VALUES (?)", (identity,))
+        if made.rowcount:
+            return made.lastrowid or 0
+        query = "SELECT number FROM ids WHERE id = ?"
+        (number,) = connection.execute(query, (identity,)).fetchone()
+        return int(number)
+
+    def _kind(self, connection: sqlite3.Connection, trial: Trial) -> int:
+        """The number of a pair, a method and what that is given."""
+        names = trial.pair, trial.label, trial.spec.given
+        if names not in self._kinds:
+            insert = "INSERT OR IGNORE INTO kinds (pair, method, given) VALUES (?, ?, ?)"
+            connection.execute(insert, names)
+            query = "SELECT kind FROM kinds WHERE pair = ? AND method = ? AND given = ?"
+            (self._kinds[names],) = connection.execute(query, names).fetchone()
+            if len(self._kinds) > KNOWN_PARTS:
+                self._kinds.pop(next(iter(self._kinds)))
+        return self._kinds[names]
+
+    def _listed(self, names: Iterable[str]) -> int:
+        """The number of a list of names; rows of one method share theirs."""
+        return self._shared("names", json.dumps(list(names)))
+
+    def _shared(self, table: str, *values: str | bytes | None) -> int:
+        """The number of what many rows have in common, kept once: a hash, the same in every run."""
+        key = table, values
+        if key not in self._known:
+            digest = hashlib.sha256(repr(values).encode()).digest()
+            self._known[key] = int.from_bytes(digest[:8], signed=True)
+            marks = ", ".join("?" * len(values))
+            insert = f"INSERT OR IGNORE INTO {table} VALUES (?, {marks})"
+            self._connection.execute(insert, (self._known[key], *values))
+            if len(self._known) > KNOWN_PARTS:
+                self._known.pop(next(iter(self._known)))
+        return self._known[key]
 
     def _shortened(self, connection: sqlite3.Connection, spec: str) -> str:
         """A spec with the hashes of its larger parts in their place; the parts are kept once."""
@@ -218,8 +256,8 @@ class Store:
         return json.dumps(short, sort_keys=True, separators=(",", ":"))
 
 
-def _number(point: Point | None) -> int | None:
-    return None if point is None else point.number
+def _point_of(trial: Trial) -> int | None:
+    return None if trial.point is None else trial.point.number
 
 
 def _packed_pose(pose: RigidTransform | None) -> bytes | None:
