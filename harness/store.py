@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -58,6 +58,20 @@ class Row:
     stage: str = ""
 
 
+class RunState(NamedTuple):
+    """What the store has of the present configuration, and what it has not.
+
+    missing: positions of trials without a good row, the first of those that are the same.
+    reused: trials that have one. different: trials apart from those that are the same.
+    outdated: of these, how many have a row that other code computed.
+    """
+
+    missing: np.ndarray[Any, np.dtype[np.int64]]
+    reused: int
+    different: int
+    outdated: int
+
+
 class Store:
     """The SQLite file of a results folder, made when missing; used as a context manager.
 
@@ -95,32 +109,50 @@ class Store:
         self._connection.close()
         self._lock.release()
 
-    def begin(self, trials: Sequence[Trial]) -> None:
-        """Note which trials the present configuration asks for, in their order."""
-        points = {trial.point.number: trial.point for trial in trials if trial.point is not None}
-        keys = list(next(iter(points.values())).shown) if points else []
+    def begin(self, trials: Iterable[Trial]) -> None:
+        """Note which trials the present configuration asks for, in their order, point by point."""
         with telling(self.path), self._connection as connection:
             for table in ("run", "kinds", "points", "swept"):
                 connection.execute(f"DELETE FROM {table}")
             self._kinds.clear()
-            connection.executemany(
-                "INSERT INTO run VALUES (?, ?, ?, ?, ?)",
-                (
-                    (
-                        position, self._number(connection, trial.id),
-                        self._kind(connection, trial), trial.spec.repeat, _point_of(trial),
-                    )
-                    for position, trial in enumerate(trials)
-                ),
-            )  # fmt: skip
-            connection.executemany(
-                "INSERT INTO points VALUES (?, ?, ?)",
-                (
-                    (number, point.varied, json.dumps([point.shown[key] for key in keys]))
-                    for number, point in points.items()
-                ),
+            connection.executemany("INSERT INTO run VALUES (?, ?, ?, ?, ?)", self._asked(trials))
+
+    def _asked(self, trials: Iterable[Trial]) -> Iterator[tuple[int | None, ...]]:
+        connection, point = self._connection, None
+        for position, trial in enumerate(trials):
+            if trial.point is not None and trial.point is not point:
+                if point is None:
+                    keys = enumerate(trial.point.shown)
+                    connection.executemany("INSERT INTO swept VALUES (?, ?)", keys)
+                point = trial.point
+                shown = json.dumps(list(point.shown.values()))
+                values = (point.number, point.varied, shown)
+                connection.execute("INSERT OR IGNORE INTO points VALUES (?, ?, ?)", values)
+            number, kind = self._number(connection, trial.id), self._kind(connection, trial)
+            of_point = None if point is None else point.number
+            yield position, number, kind, trial.spec.repeat, of_point
+
+    def state(self, code: str) -> RunState:
+        """How far the present configuration is computed by this code."""
+        good = "code = ? AND status != 'error'"
+        query = (
+            "SELECT {} FROM run LEFT JOIN timings USING (number) LEFT JOIN trials USING (number) "
+            "LEFT JOIN endings ON endings.number = ending"
+        )
+        counts = f"count(*) FILTER (WHERE {good}), count(DISTINCT run.number), "
+        counts += "count(DISTINCT run.number) FILTER (WHERE code != ?)"
+        missing = f"min(position) AS first, {good} AS done"
+        with telling(self.path):
+            reused, different, outdated = self._connection.execute(
+                query.format(counts), (code, code)
+            ).fetchone()
+            found = self._connection.execute(
+                f"SELECT first FROM ({query.format(missing)} GROUP BY run.number) "
+                "WHERE done IS NOT 1 ORDER BY first",
+                (code,),
             )
-            connection.executemany("INSERT INTO swept VALUES (?, ?)", enumerate(keys))
+            positions = np.fromiter((first for (first,) in found), dtype=np.int64)
+        return RunState(positions, reused, different, outdated)
 
     def finished(self, code: str) -> set[str]:
         """Ids of the rows that this code computed and that are no errors."""
@@ -130,12 +162,6 @@ class Store:
         )
         with telling(self.path):
             return {identity for (identity,) in self._connection.execute(query, (code,))}
-
-    def outdated(self, ids: Iterable[str], code: str) -> int:
-        """How many of the trials have a row that other code computed."""
-        query = "SELECT id FROM timings JOIN ids USING (number) WHERE code != ?"
-        others = {identity for (identity,) in self._connection.execute(query, (code,))}
-        return len(others.intersection(ids))
 
     def is_drawn(self, trial: Trial) -> bool:
         """Whether the figures on disk are those of this trial."""
@@ -153,11 +179,13 @@ class Store:
                 (trial.pair, trial.label, trial.id, names),
             )
 
-    def forget_drawings(self, trials: Sequence[Trial]) -> None:
+    def forget_drawings(self, trials: Iterable[Trial]) -> None:
         """Remove the files of pairs and methods that the configuration no longer has."""
-        present = {(trial.pair, trial.label) for trial in trials}
         query = "SELECT pair, method, files FROM drawings"
         rows = self._connection.execute(query).fetchall()
+        if not rows:
+            return
+        present = {(trial.pair, trial.label) for trial in trials}
         shared = {n for p, m, files in rows if (p, m) in present for n in json.loads(files)}
         for pair, method, files in rows:
             if (pair, method) in present:
@@ -254,10 +282,6 @@ class Store:
             else:
                 short[name] = value
         return json.dumps(short, sort_keys=True, separators=(",", ":"))
-
-
-def _point_of(trial: Trial) -> int | None:
-    return None if trial.point is None else trial.point.number
 
 
 def _packed_pose(pose: RigidTransform | None) -> bytes | None:

@@ -104,7 +104,6 @@ def test_rows_of_other_code_and_errors_are_not_finished(tmp_path: Path) -> None:
         store.add(example_row("b"), "new")
         store.add(replace(example_row("c"), status="error", reason="a bug"), "new")
         assert store.finished("new") == {"b"}
-        assert store.outdated("abc", "new") == 1
         store.add(example_row("a"), "new")
         assert store.finished("new") == {"a", "b"}
 
