@@ -37,7 +37,7 @@ class PartResult:
     name: str
     tables: tuple[Table, ...]
     experiment: Experiment | None = None
-    trials: tuple[Trial, ...] = ()
+    trials: Sequence[Trial] = ()
     rows: pd.DataFrame | None = field(default=None, repr=False)
 
 

@@ -79,7 +79,7 @@ class PartRun:
         """The part as a session of trials; raises ConfigError."""
         return open_session(self.file, self.folder, self._overrides(), self.seed)
 
-    def profiles(self) -> tuple[ProfilesExperiment, tuple[Trial, ...]]:
+    def profiles(self) -> tuple[ProfilesExperiment, Sequence[Trial]]:
         """The part as pairs of profiles; raises ConfigError."""
         return load_profiles(self.file, self.overrides, self.seed)
 

@@ -29,7 +29,7 @@ from harness.export import export_rows
 from harness.pool import process_pool
 from harness.schema import Experiment
 from harness.scoring import six_parameters
-from harness.session import Session, draw_whole, execute, open_session, plan, report
+from harness.session import Plan, Session, draw_whole, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load
 from harness.table_files import Table
 from harness.trials import Trial, beyond_reach, full_specs
@@ -74,7 +74,7 @@ def run_all(
         )
         tell_left_out(console, session)
         tell_beyond_reach(console, session)
-        tell_alike(console, session)
+        tell_alike(console, session, planned)
         make_executor = cluster_pool(scheduler) if scheduler and planned.tasks else make_local
         tally = Tally(len(planned.tasks))
         try:
@@ -213,13 +213,12 @@ def tell_left_out(console: Console, session: Session) -> None:
         console.print(line, markup=False, soft_wrap=True)
 
 
-def tell_alike(console: Console, session: Session) -> None:
+def tell_alike(console: Console, session: Session, planned: Plan) -> None:
     """One line where trials are the same, as those of a method that a point does not change."""
-    different = len({trial.id for trial in session.trials})
-    if different < len(session.trials):
+    if planned.different < len(session.trials):
         console.print(
-            f"{len(session.trials)} trials are asked for, {different} different ones: those that "
-            "are the same share one row.",
+            f"{len(session.trials)} trials are asked for, {planned.different} different ones: "
+            "those that are the same share one row.",
             markup=False,
             soft_wrap=True,
         )

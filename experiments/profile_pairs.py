@@ -124,7 +124,7 @@ def check_kept(
 
 def load_profiles(
     path: Path, overrides: Sequence[str] = (), seed: int | None = None
-) -> tuple[ProfilesExperiment, tuple[Trial, ...]]:
+) -> tuple[ProfilesExperiment, Sequence[Trial]]:
     """Read and check a config; a trial holds all profiles of a pair. Raises ConfigError."""
     data = overridden_mapping(path, overrides, seed)
     experiment: ProfilesExperiment = validated(ProfilesExperiment, data, path)

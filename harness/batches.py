@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from harness.child import Task
 
@@ -14,17 +12,16 @@ WEIGHT = 0.3  # of a new measurement in the running mean
 
 
 class Batches:
-    """The tasks that wait, those that share their scans together.
+    """The tasks that wait, in an order in which those that share their scans stand together.
 
-    How long a trial takes is learnt from those that ended, by method.
+    Each is asked for as it is sent, so that they may be made then. How long a trial takes is learnt
+    from those that ended, by method.
     """
 
-    def __init__(self, tasks: Iterable[Task]) -> None:
-        groups: dict[Any, list[Task]] = {}
-        for task in tasks:
-            groups.setdefault(task.trial.spec.scan_key, []).append(task)
-        self._groups = deque(deque(group) for group in groups.values())
-        self._waiting = sum(len(group) for group in self._groups)
+    def __init__(self, tasks: Sequence[Task]) -> None:
+        self._waiting = len(tasks)
+        self._tasks = iter(tasks)
+        self._first = next(self._tasks, None)
         self._seconds: dict[str, float] = {}
 
     def __len__(self) -> int:
@@ -38,18 +35,18 @@ class Batches:
         most = max(1, self._waiting // (2 * slots))
         batch: list[Task] = []
         expected, begun = 0.0, False
-        while self._groups and len(batch) < most:
-            group = self._groups[0]
-            seconds = self._seconds.get(group[0].trial.label)
-            alone = seconds is None or group[0].draws
+        while self._first is not None and len(batch) < most:
+            task = self._first
+            seconds = self._seconds.get(task.trial.label)
+            alone = seconds is None or task.draws
             limit = TARGET_S * (WHOLE if begun else 1.0)
             if batch and (alone or expected + (seconds or 0.0) > limit):
                 break
-            batch.append(group.popleft())
+            batch.append(task)
             expected += seconds or 0.0
-            begun = bool(group)
-            if not group:
-                self._groups.popleft()
+            self._first = next(self._tasks, None)
+            scans = task.trial.spec.scan_key
+            begun = self._first is not None and self._first.trial.spec.scan_key == scans
             if alone:
                 break
         self._waiting -= len(batch)

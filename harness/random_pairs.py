@@ -26,7 +26,7 @@ from harness.config_errors import ConfigError, Key
 from harness.random_schema import Family, RandomPairsExperiment
 from harness.recent import Recent
 from harness.schema import AimedView
-from harness.trials import Trial, TrialSpec
+from harness.trials import Trial, Trials, TrialSpec, used_methods
 from harness.views import ViewSpec
 from scenes import SCENES
 from scenes.scene import Scene
@@ -122,7 +122,7 @@ class RandomSpec:
 
 def build_random_trials(
     experiment: RandomPairsExperiment, file: Path, kept: Recent | None = None
-) -> tuple[Trial, ...]:
+) -> Trials:
     """All trials, by number, family and method; raises ConfigError, naming the file and key.
 
     kept: what was checked for experiments that differ in little.
@@ -139,20 +139,23 @@ def build_random_trials(
     }
     line = experiment.drawn_for
     drawn_for = None if line is None else DrawnFor(line.profiles, line.step_mm)
-    return tuple(
-        Trial(
-            RandomSpec(
-                rules, sensor, experiment.scan.profiles, experiment.scan.step_mm, method, number,
-                experiment.seed, drawn_for=drawn_for,
-            ),
-            f"{name} {number}",
-            choice.label or choice.name,
-        )
-        for number in range(max(pairs for _, pairs in families.values()))
-        for name, (rules, pairs) in families.items()
-        if number < pairs
-        for choice, method in zip(experiment.methods, methods, strict=True)
-    )  # fmt: skip
+    counts = np.array([pairs for _, pairs in families.values()])
+    # How many trials there are up to each number: families end at numbers of their own.
+    ends = len(methods) * np.cumsum([(counts > n).sum() for n in range(counts.max())])
+
+    def trial(index: int) -> Trial:
+        number = int(np.searchsorted(ends, index, side="right"))
+        place = index - (int(ends[number - 1]) if number else 0)
+        present = [name for name, (_, pairs) in families.items() if number < pairs]
+        of_family, of_method = divmod(place, len(methods))
+        name, choice = present[of_family], experiment.methods[of_method]
+        spec = RandomSpec(
+            families[name][0], sensor, experiment.scan.profiles, experiment.scan.step_mm,
+            methods[of_method], number, experiment.seed, drawn_for=drawn_for,
+        )  # fmt: skip
+        return Trial(spec, f"{name} {number}", choice.label or choice.name)
+
+    return Trials(int(ends[-1]), trial, used_methods(methods))
 
 
 def drawn_spec(spec: RandomSpec, shares: Callable[[TrialSpec], tuple[float, float]]) -> TrialSpec:

@@ -78,8 +78,13 @@ def six_parameters(T_target_source: RigidTransform) -> FloatArray:
     Of many poses (n, 6). R = Rz(theta) Ry(phi) Rx(psi), equations (4-6) and (4-7); the angles are
     the corrected (4-15) to (4-17), which SciPy's "ZYX" gives.
     """
-    angles_deg = T_target_source.rotation.as_euler("ZYX", degrees=True)[..., ::-1]
-    return np.concatenate([angles_deg, T_target_source.translation], axis=-1)
+    return parameters_of(T_target_source.rotation, T_target_source.translation)
+
+
+def parameters_of(rotation: Rotation, translation_mm: FloatArray) -> FloatArray:
+    """(..., 6) the six parameters of poses that are at hand as rotations and translations."""
+    angles_deg = rotation.as_euler("ZYX", degrees=True)[..., ::-1]
+    return np.concatenate([angles_deg, translation_mm], axis=-1)
 
 
 def pose_from_parameters(rotation_deg: FloatArray, translation_mm: FloatArray) -> RigidTransform:

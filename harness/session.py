@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from harness.choices import installed_methods
 from harness.config import dump_yaml, load_experiment, overridden_mapping
 from harness.face_gaps import FaceGaps
+from harness.lazy import Lazy
 from harness.pool import MakeExecutor
 from harness.provenance import Sources, code_fingerprint, run_facts
 from harness.random_pairs import build_random_trials
@@ -24,7 +28,7 @@ from harness.schema import Experiment
 from harness.store import Store, StoreError, load
 from harness.swept_trials import build_swept_trials
 from harness.table_files import Table, write_tables
-from harness.trials import Trial, TrialSpec, build_trials
+from harness.trials import Trial, Trials, TrialSpec, build_trials
 from harness.view_tables import sensing_tables
 
 # Tables that the terminal does not show.
@@ -42,26 +46,27 @@ class Session:
 
     file: Path
     experiment: Experiment | RandomPairsExperiment
-    trials: tuple[Trial, ...]
+    trials: Trials
     folder: Path
     code: str
     sources: Sources
-    base: tuple[Trial, ...]
+    base: Trials
     left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is left to do: the tasks, how many rows are reused, and how many other code made."""
+    """What is left to do: the tasks, each made when it is asked for.
 
-    tasks: tuple[Task, ...]
+    missing: rows to compute. reused: trials that have their row. outdated: rows that other code
+    made. different: trials apart from those that are the same.
+    """
+
+    tasks: Sequence[Task]
+    missing: int
     reused: int
     outdated: int
-
-    @property
-    def missing(self) -> int:
-        """Number of rows to compute."""
-        return sum(task.keep for task in self.tasks)
+    different: int
 
 
 def open_session(
@@ -80,45 +85,61 @@ def open_session(
         if left_out:
             data["methods"] = [m.model_dump(mode="json", exclude_none=True) for m in methods]
         trials = build_swept_trials(data, experiment.sweep, with_defaults(experiment, base), file)
-    used = [trial.spec.method for trial in trials]
-    read = {getattr(method.params, "calibration", "") for method in used}
-    sources = Sources(
-        tuple(sorted({method.name for method in used})), tuple(sorted(map(str, read - {""})))
-    )
+    names, read = ({each[i] for each in trials.used} for i in range(2))
+    sources = Sources(tuple(sorted(names)), tuple(sorted(read - {""})))
     code = code_fingerprint(*sources)
     folder = folder or Path("results") / file.stem
     return Session(file, experiment, trials, folder, code, sources, base, left_out)
 
 
 def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
-    """Compare the trials with the rows at hand; the figures of repeat 0 go with their trial.
+    """Note in the store what is asked for, and compare it with the rows at hand.
 
-    redraw: compute no rows, draw all figures again.
+    The figures of repeat 0 go with their trial. redraw: compute no rows, draw all figures again.
     """
-    ids = [trial.id for trial in session.trials]
-    done = set(ids) if redraw else store.finished(session.code)
     labels = {m.label or m.name for m in session.experiment.methods if m.figures}
     if session.experiment.sweep is not None:
         labels = set()  # nobody looks at thousands of them
-    tasks = []
-    first = {trial.id: trial for trial in reversed(session.trials)}
-    for trial in reversed(first.values()):
-        keep = trial.id not in done
-        drawn = trial.spec.repeat == 0 and not trial.spec.given and trial.label in labels
-        draw = drawn and (keep or redraw or not store.is_drawn(trial))
-        if keep or draw:
-            pictures, clouds = session.folder / "figures", session.folder / "scans"
-            tasks.append(
-                Task(
-                    trial,
-                    keep,
-                    pictures if draw else None,
-                    clouds if draw else None,
-                    session.folder / RECORDS if session.experiment.sweep is None else None,
-                )
-            )
-    reused = sum(identity in done for identity in ids)
-    return Plan(tuple(tasks), reused, store.outdated(ids, session.code))
+    scans = array("q")  # a number for the scans of each trial
+    drawn: dict[int, Trial] = {}  # those that have figures, by position
+
+    def noted() -> Iterator[Trial]:
+        for position, trial in enumerate(session.trials):
+            scans.append(hash(trial.spec.scan_key))
+            if trial.spec.repeat == 0 and not trial.spec.given and trial.label in labels:
+                drawn[position] = trial
+            yield trial
+
+    store.begin(noted())
+    state = store.state(session.code)
+    missing = np.zeros(len(scans), dtype=np.bool_)
+    missing[state.missing] = not redraw
+    drawn = {
+        position: trial
+        for position, trial in drawn.items()
+        if missing[position] or redraw or not store.is_drawn(trial)
+    }
+    wanted = missing.copy()
+    wanted[list(drawn)] = True
+    positions = np.flatnonzero(wanted)
+    positions = positions[_side_by_side(np.asarray(scans)[positions])]
+    records = session.folder / RECORDS if session.experiment.sweep is None else None
+
+    def task(index: int) -> Task:
+        position = int(positions[index])
+        folders = (session.folder / "figures", session.folder / "scans")
+        pictures, clouds = folders if position in drawn else (None, None)
+        return Task(session.trials[position], bool(missing[position]), pictures, clouds, records)
+
+    reused = len(session.trials) if redraw else state.reused
+    tasks = Lazy(len(positions), task)
+    return Plan(tasks, int(missing.sum()), reused, state.outdated, state.different)
+
+
+def _side_by_side(keys: NDArray[np.int64]) -> NDArray[np.intp]:
+    """An order in which equal keys stand together, those first that occur first."""
+    _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+    return np.argsort(first[which], kind="stable")
 
 
 def execute(
@@ -129,7 +150,6 @@ def execute(
         facts = json.dumps(run_facts(session.code), indent=2)
         (session.folder / "run.json").write_text(facts + "\n", encoding="utf-8")
     (session.folder / "config.yaml").write_text(dump_yaml(resolved(session)), encoding="utf-8")
-    store.begin(session.trials)
     store.forget_drawings(session.trials)
     limits = session.experiment.limits
     for done in run(planned.tasks, store, session.code, make_executor, limits, session.sources):

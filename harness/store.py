@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -18,7 +18,6 @@ from harness.store_file import FILE_NAME as FILE_NAME
 from harness.store_file import Lock, connect, packed, telling
 from harness.store_file import StoreError as StoreError
 from harness.store_load import load as load
-from harness.sweep import Point
 from harness.trials import Trial
 
 RowStatus = Literal["ok", "ambiguous", "underdetermined", "failed", "no_overlap", "error"]
@@ -59,6 +58,20 @@ class Row:
     stage: str = ""
 
 
+class RunState(NamedTuple):
+    """What the store has of the present configuration, and what it has not.
+
+    missing: positions of trials without a good row, the first of those that are the same.
+    reused: trials that have one. different: trials apart from those that are the same.
+    outdated: of these, how many have a row that other code computed.
+    """
+
+    missing: np.ndarray[Any, np.dtype[np.int64]]
+    reused: int
+    different: int
+    outdated: int
+
+
 class Store:
     """The SQLite file of a results folder, made when missing; used as a context manager.
 
@@ -81,6 +94,8 @@ class Store:
             self._lock.release()
             raise
         self._parts: dict[str, None] = {}  # some that are in the file
+        self._kinds: dict[tuple[str, str, str], int] = {}  # some that are in the file
+        self._known: dict[tuple[str, tuple[str | bytes | None, ...]], int] = {}  # the same
 
     def __enter__(self) -> Store:
         return self
@@ -94,40 +109,59 @@ class Store:
         self._connection.close()
         self._lock.release()
 
-    def begin(self, trials: Sequence[Trial]) -> None:
-        """Note which trials the present configuration asks for, in their order."""
-        points = {trial.point.number: trial.point for trial in trials if trial.point is not None}
-        keys = list(next(iter(points.values())).shown) if points else []
+    def begin(self, trials: Iterable[Trial]) -> None:
+        """Note which trials the present configuration asks for, in their order, point by point."""
         with telling(self.path), self._connection as connection:
-            for table in ("run", "points", "swept"):
+            for table in ("run", "kinds", "points", "swept"):
                 connection.execute(f"DELETE FROM {table}")
-            connection.executemany(
-                "INSERT INTO run VALUES (?, ?, ?, ?, ?, ?, ?)",
-                (
-                    (position, t.id, t.pair, t.label, t.spec.given, t.spec.repeat, _number(t.point))
-                    for position, t in enumerate(trials)
-                ),
+            self._kinds.clear()
+            connection.executemany("INSERT INTO run VALUES (?, ?, ?, ?, ?)", self._asked(trials))
+
+    def _asked(self, trials: Iterable[Trial]) -> Iterator[tuple[int | None, ...]]:
+        connection, point = self._connection, None
+        for position, trial in enumerate(trials):
+            if trial.point is not None and trial.point is not point:
+                if point is None:
+                    keys = enumerate(trial.point.shown)
+                    connection.executemany("INSERT INTO swept VALUES (?, ?)", keys)
+                point = trial.point
+                shown = json.dumps(list(point.shown.values()))
+                values = (point.number, point.varied, shown)
+                connection.execute("INSERT OR IGNORE INTO points VALUES (?, ?, ?)", values)
+            number, kind = self._number(connection, trial.id), self._kind(connection, trial)
+            of_point = None if point is None else point.number
+            yield position, number, kind, trial.spec.repeat, of_point
+
+    def state(self, code: str) -> RunState:
+        """How far the present configuration is computed by this code."""
+        good = "code = ? AND status != 'error'"
+        query = (
+            "SELECT {} FROM run LEFT JOIN timings USING (number) LEFT JOIN trials USING (number) "
+            "LEFT JOIN endings ON endings.number = ending"
+        )
+        counts = f"count(*) FILTER (WHERE {good}), count(DISTINCT run.number), "
+        counts += "count(DISTINCT run.number) FILTER (WHERE code != ?)"
+        missing = f"min(position) AS first, {good} AS done"
+        with telling(self.path):
+            reused, different, outdated = self._connection.execute(
+                query.format(counts), (code, code)
+            ).fetchone()
+            found = self._connection.execute(
+                f"SELECT first FROM ({query.format(missing)} GROUP BY run.number) "
+                "WHERE done IS NOT 1 ORDER BY first",
+                (code,),
             )
-            connection.executemany(
-                "INSERT INTO points VALUES (?, ?, ?)",
-                (
-                    (number, point.varied, json.dumps([point.shown[key] for key in keys]))
-                    for number, point in points.items()
-                ),
-            )
-            connection.executemany("INSERT INTO swept VALUES (?, ?)", enumerate(keys))
+            positions = np.fromiter((first for (first,) in found), dtype=np.int64)
+        return RunState(positions, reused, different, outdated)
 
     def finished(self, code: str) -> set[str]:
         """Ids of the rows that this code computed and that are no errors."""
-        query = "SELECT id FROM trials JOIN timings USING (id) WHERE code = ? AND status != 'error'"
+        query = (
+            "SELECT id FROM timings JOIN trials USING (number) JOIN ids USING (number) "
+            "JOIN endings ON endings.number = ending WHERE code = ? AND status != 'error'"
+        )
         with telling(self.path):
             return {identity for (identity,) in self._connection.execute(query, (code,))}
-
-    def outdated(self, ids: Iterable[str], code: str) -> int:
-        """How many of the trials have a row that other code computed."""
-        query = "SELECT id FROM timings WHERE code != ?"
-        others = {identity for (identity,) in self._connection.execute(query, (code,))}
-        return len(others.intersection(ids))
 
     def is_drawn(self, trial: Trial) -> bool:
         """Whether the figures on disk are those of this trial."""
@@ -145,11 +179,13 @@ class Store:
                 (trial.pair, trial.label, trial.id, names),
             )
 
-    def forget_drawings(self, trials: Sequence[Trial]) -> None:
+    def forget_drawings(self, trials: Iterable[Trial]) -> None:
         """Remove the files of pairs and methods that the configuration no longer has."""
-        present = {(trial.pair, trial.label) for trial in trials}
         query = "SELECT pair, method, files FROM drawings"
         rows = self._connection.execute(query).fetchall()
+        if not rows:
+            return
+        present = {(trial.pair, trial.label) for trial in trials}
         shared = {n for p, m, files in rows if (p, m) in present for n in json.loads(files)}
         for pair, method, files in rows:
             if (pair, method) in present:
@@ -172,33 +208,63 @@ class Store:
                 self._insert(connection, row, code)
 
     def _insert(self, connection: sqlite3.Connection, row: Row, code: str) -> None:
-        values = (
-            row.id, self._shortened(connection, row.spec), row.status, row.reason, row.traceback,
-            _packed_pose(row.T_exact), _packed_pose(row.T_theoretical),
-            _packed_pose(row.T_estimated),
+        number = self._number(connection, row.id)
+        self._replace(
+            "trials", number,
+            self._shared("endings", row.status, row.stage, row.reason, row.traceback),
             row.rotation_error_deg, row.translation_error_mm,
             row.overlap_target, row.overlap_source,
-            self._number_of(connection, row.counts), packed(list(row.counts.values())),
+            self._listed(row.counts), packed(list(row.counts.values())),
+            self._shared("truths", _packed_pose(row.T_exact), _packed_pose(row.T_theoretical)),
+            _packed_pose(row.T_estimated),
         )  # fmt: skip
-        marks = ", ".join("?" * len(values))
-        connection.execute(f"INSERT OR REPLACE INTO trials VALUES ({marks})", values)
-        matrices = (row.id, packed(row.bounds), packed(row.covariance), packed(row.undetermined))
-        connection.execute("INSERT OR REPLACE INTO matrices VALUES (?, ?, ?, ?)", matrices)
-        connection.execute("DELETE FROM stopped WHERE id = ?", (row.id,))
-        if row.stage:
-            connection.execute("INSERT INTO stopped VALUES (?, ?)", (row.id, row.stage))
-        stages = self._number_of(connection, row.stage_ms)
-        connection.execute(
-            "INSERT OR REPLACE INTO timings VALUES (?, ?, ?, ?)",
-            (row.id, code, stages, packed(list(row.stage_ms.values()))),
-        )
+        matrices = (row.bounds, row.covariance, row.undetermined)
+        self._replace("matrices", number, *map(packed, matrices))
+        self._replace("specs", number, self._shortened(connection, row.spec))
+        times = packed(list(row.stage_ms.values()))
+        self._replace("timings", number, code, self._listed(row.stage_ms), times)
 
-    def _number_of(self, connection: sqlite3.Connection, names: Iterable[str]) -> int:
-        """The number of a list of names, the same in every run; rows of one method share theirs."""
-        text = json.dumps(list(names))
-        number = int.from_bytes(hashlib.sha256(text.encode()).digest()[:6])
-        connection.execute("INSERT OR IGNORE INTO names VALUES (?, ?)", (number, text))
-        return number
+    def _replace(self, table: str, *values: Any) -> None:
+        marks = ", ".join("?" * len(values))
+        self._connection.execute(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", values)
+
+    def _number(self, connection: sqlite3.Connection, identity: str) -> int:
+        """The number of a trial in this file, a new one where it is not known yet."""
+        made = connection.execute("INSERT OR IGNORE INTO ids (id) VALUES (?)", (identity,))
+        if made.rowcount:
+            return made.lastrowid or 0
+        query = "SELECT number FROM ids WHERE id = ?"
+        (number,) = connection.execute(query, (identity,)).fetchone()
+        return int(number)
+
+    def _kind(self, connection: sqlite3.Connection, trial: Trial) -> int:
+        """The number of a pair, a method and what that is given."""
+        names = trial.pair, trial.label, trial.spec.given
+        if names not in self._kinds:
+            insert = "INSERT OR IGNORE INTO kinds (pair, method, given) VALUES (?, ?, ?)"
+            connection.execute(insert, names)
+            query = "SELECT kind FROM kinds WHERE pair = ? AND method = ? AND given = ?"
+            (self._kinds[names],) = connection.execute(query, names).fetchone()
+            if len(self._kinds) > KNOWN_PARTS:
+                self._kinds.pop(next(iter(self._kinds)))
+        return self._kinds[names]
+
+    def _listed(self, names: Iterable[str]) -> int:
+        """The number of a list of names; rows of one method share theirs."""
+        return self._shared("names", json.dumps(list(names)))
+
+    def _shared(self, table: str, *values: str | bytes | None) -> int:
+        """The number of what many rows have in common, kept once: a hash, the same in every run."""
+        key = table, values
+        if key not in self._known:
+            digest = hashlib.sha256(repr(values).encode()).digest()
+            self._known[key] = int.from_bytes(digest[:8], signed=True)
+            marks = ", ".join("?" * len(values))
+            insert = f"INSERT OR IGNORE INTO {table} VALUES (?, {marks})"
+            self._connection.execute(insert, (self._known[key], *values))
+            if len(self._known) > KNOWN_PARTS:
+                self._known.pop(next(iter(self._known)))
+        return self._known[key]
 
     def _shortened(self, connection: sqlite3.Connection, spec: str) -> str:
         """A spec with the hashes of its larger parts in their place; the parts are kept once."""
@@ -216,10 +282,6 @@ class Store:
             else:
                 short[name] = value
         return json.dumps(short, sort_keys=True, separators=(",", ":"))
-
-
-def _number(point: Point | None) -> int | None:
-    return None if point is None else point.number
 
 
 def _packed_pose(pose: RigidTransform | None) -> bytes | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,38 +15,53 @@ from numpy.typing import NDArray
 
 FILE_NAME = "trials.sqlite"
 LOCK_NAME = "trials.lock"
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 
 FloatArray = NDArray[np.float64]
+Blobs = Sequence[bytes | None] | NDArray[np.object_]
 
 _SCHEMA = """
+-- Every trial that the file knows, by a number of its own: numbers are joined faster than ids.
+CREATE TABLE ids (
+    number INTEGER PRIMARY KEY,
+    id TEXT NOT NULL UNIQUE
+) STRICT;
+-- What summaries need; all else lies in tables apart, so that they read a fraction of the file.
 CREATE TABLE trials (
-    id TEXT PRIMARY KEY,
-    spec TEXT NOT NULL,  -- JSON; what many trials share stands in `parts`
-    status TEXT NOT NULL,
-    reason TEXT NOT NULL,
-    traceback TEXT NOT NULL,
-    T_exact BLOB,  -- arrays: float64, row by row
-    T_theoretical BLOB,
-    T_estimated BLOB,
+    number INTEGER PRIMARY KEY REFERENCES ids (number),
+    ending INTEGER NOT NULL REFERENCES endings (number),
     rotation_error_deg REAL,
     translation_error_mm REAL,
     overlap_target REAL,
     overlap_source REAL,
     count_names INTEGER NOT NULL REFERENCES names (number),
-    counts BLOB NOT NULL
+    counts BLOB NOT NULL,  -- arrays: float64, row by row
+    truth INTEGER NOT NULL REFERENCES truths (number),
+    T_estimated BLOB
 ) STRICT;
--- Apart from the rows: summaries need none of them, and read much less of the file without.
+-- How trials end: many do alike. Numbers here and below are hashes, the same in every run.
+CREATE TABLE endings (
+    number INTEGER PRIMARY KEY,
+    status TEXT NOT NULL,
+    stage TEXT NOT NULL,  -- where the method stopped, as it says
+    reason TEXT NOT NULL,
+    traceback TEXT NOT NULL
+) STRICT;
+-- What trials of one pair share, whatever the noise and the method.
+CREATE TABLE truths (
+    number INTEGER PRIMARY KEY,
+    T_exact BLOB,
+    T_theoretical BLOB
+) STRICT;
 CREATE TABLE matrices (
-    id TEXT PRIMARY KEY REFERENCES trials (id),
+    number INTEGER PRIMARY KEY REFERENCES trials (number),
     bounds BLOB,
     covariance BLOB,
     undetermined BLOB
 ) STRICT;
--- At which stage the method stopped, for the trials of which it says so.
-CREATE TABLE stopped (
-    id TEXT PRIMARY KEY REFERENCES trials (id),
-    stage TEXT NOT NULL
+CREATE TABLE specs (
+    number INTEGER PRIMARY KEY REFERENCES trials (number),
+    spec TEXT NOT NULL  -- JSON; what many trials share stands in `parts`
 ) STRICT;
 CREATE TABLE parts (
     hash TEXT PRIMARY KEY,
@@ -59,20 +74,33 @@ CREATE TABLE names (
 ) STRICT;
 -- Apart from the rows: two runs give the same rows bit for bit, never the same times.
 CREATE TABLE timings (
-    id TEXT PRIMARY KEY REFERENCES trials (id),
+    number INTEGER PRIMARY KEY REFERENCES trials (number),
     code TEXT NOT NULL,
     stage_names INTEGER NOT NULL REFERENCES names (number),
     stage_ms BLOB NOT NULL
 ) STRICT;
+-- The rows without their times, for whoever reads the file with other tools.
+CREATE VIEW whole_rows AS
+    SELECT id, status, stage, reason, traceback, rotation_error_deg, translation_error_mm,
+        overlap_target, overlap_source, count_names, counts, T_exact, T_theoretical, T_estimated,
+        bounds, covariance, undetermined, spec
+    FROM trials JOIN ids USING (number) JOIN matrices USING (number) JOIN specs USING (number)
+        JOIN endings ON endings.number = ending JOIN truths ON truths.number = truth;
 -- What the present configuration asks for: rows of earlier ones stay and are never mixed in.
 CREATE TABLE run (
     position INTEGER PRIMARY KEY,
-    id TEXT NOT NULL,
+    number INTEGER NOT NULL REFERENCES ids (number),
+    kind INTEGER NOT NULL REFERENCES kinds (kind),
+    repeat INTEGER NOT NULL,
+    point INTEGER
+) STRICT;
+-- The pairs and methods of its trials, which are many to each.
+CREATE TABLE kinds (
+    kind INTEGER PRIMARY KEY,
     pair TEXT NOT NULL,
     method TEXT NOT NULL,
     given TEXT NOT NULL,
-    repeat INTEGER NOT NULL,
-    point INTEGER
+    UNIQUE (pair, method, given)
 ) STRICT;
 -- The points of its sweep, if it has one: the values of all swept keys in order, as JSON.
 CREATE TABLE points (
@@ -188,22 +216,15 @@ def packed(array: Any) -> bytes | None:
     return None if array is None else np.ascontiguousarray(array, dtype=np.float64).tobytes()
 
 
-def unpacked(blobs: list[bytes | None], shape: tuple[int, ...]) -> NDArray[np.object_]:
+def unpacked(blobs: Blobs, shape: tuple[int, ...]) -> NDArray[np.object_]:
     """(n,) arrays, or None, from a column of the store; a leading -1 of the shape is any length."""
     arrays = np.empty(len(blobs), dtype=object)
-    present = [i for i, blob in enumerate(blobs) if blob is not None]
-    if shape[0] == -1:
-        for i in present:
-            arrays[i] = np.frombuffer(blobs[i] or b"").reshape(
-                shape if blobs[i] else (0, *shape[1:])
-            )
-        return arrays
-    for i, array in zip(present, stacked(blobs, shape), strict=True):
-        arrays[i] = array
+    for i, blob in enumerate(blobs):
+        if blob is not None:
+            arrays[i] = np.frombuffer(blob).reshape(shape if blob else (0, *shape[1:]))
     return arrays
 
 
-def stacked(blobs: list[bytes | None], shape: tuple[int, ...]) -> FloatArray:
-    """(m, *shape) the arrays of a column of the store that are there."""
-    joined = b"".join(blob for blob in blobs if blob is not None)
-    return np.frombuffer(joined).reshape(-1, *shape)
+def stacked(blobs: Iterable[bytes], shape: tuple[int, ...]) -> FloatArray:
+    """(m, *shape) the arrays of a column of the store."""
+    return np.frombuffer(b"".join(blobs)).reshape(-1, *shape)

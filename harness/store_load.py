@@ -12,28 +12,30 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import Rotation
 
-from harness.scoring import PARAMETERS, parameter_errors, six_parameters
-from harness.store_file import FILE_NAME, StoreError, connect, stacked, telling, unpacked
+from harness.scoring import PARAMETERS, parameter_errors, parameters_of
+from harness.store_file import FILE_NAME, Blobs, StoreError, connect, stacked, telling, unpacked
 
 FloatArray = NDArray[np.float64]
 
 NUMBERS = ("rotation_error_deg", "translation_error_mm", "overlap_target", "overlap_source")
-POSES: dict[str, tuple[int, ...]] = {
-    "T_exact": (4, 4),
-    "T_theoretical": (4, 4),
-    "T_estimated": (4, 4),
-}
-ARRAYS: dict[str, tuple[int, ...]] = {
+TRUTHS, ESTIMATED = ("T_exact", "T_theoretical"), "T_estimated"
+MATRICES: dict[str, tuple[int, ...]] = {
     "bounds": (2, 6, 6),
     "covariance": (6, 6),
     "undetermined": (-1, 6),
 }
+ARRAYS = {ESTIMATED: (4, 4)} | MATRICES
 COUNTS, TIMES = "n_", "ms_"
 PART = re.compile(r'\{"part":"([0-9a-f]{16})"\}')
 KINDS = ("exact", "theoretical", "estimated", "error")  # of the six parameters, by column
-FETCHED = 20_000  # rows at a time
+FETCHED = 10_000  # rows at a time
+
+# Columns of the tables, by what becomes of them.
+INTEGERS = ("kind", "repeat", "ending", "truth", "count_names", "stage_names")
+OBJECTS = ("id", "point")
+LISTS = ("counts", "stage_ms")
 
 
 def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.DataFrame:
@@ -54,64 +56,103 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
     if not path.exists():
         raise StoreError(f"{path} does not exist; run the experiment first")
     with contextlib.closing(connect(path)) as connection, telling(path):
-        run = _columns(connection, "SELECT id, pair, method, given, repeat, point FROM run "
-                       "ORDER BY position")  # fmt: skip
-        wanted = ["id", "status", "reason", *NUMBERS, "count_names", "counts", *POSES]
-        wanted += ["spec"] if specs else []
-        rows = _columns(connection, f"SELECT {', '.join(wanted)} FROM trials")
-        query = f"SELECT id, {', '.join(ARRAYS)} FROM matrices"
-        matrices = _columns(connection, query) if arrays else {}
-        stopped = dict(connection.execute("SELECT id, stage FROM stopped"))
-        failed = dict(connection.execute("SELECT id, traceback FROM trials WHERE traceback != ''"))
-        times = _columns(connection, "SELECT id, stage_names, stage_ms FROM timings")
+        rows = _rows(connection, specs, arrays)
+        kinds = _table(connection, "SELECT kind, pair, method, given FROM kinds")
+        endings = _table(connection, "SELECT * FROM endings")
+        truths = _table(connection, "SELECT * FROM truths")
         names = dict(connection.execute("SELECT number, text FROM names"))
         parts = dict(connection.execute("SELECT hash, text FROM parts")) if specs else {}
-        points = _columns(connection, "SELECT point, varied, shown FROM points ORDER BY point")
+        points = _table(connection, "SELECT point, varied, shown FROM points ORDER BY point")
         keys = [key for (key,) in connection.execute("SELECT key FROM swept ORDER BY position")]
-    place = pd.Index(rows["id"]).get_indexer(pd.Index(run["id"]))
-    run = {name: column[place >= 0] for name, column in run.items()}
-    rows = {name: column[place[place >= 0]] for name, column in rows.items()}
-    of_time = pd.Index(times["id"]).get_indexer(pd.Index(run["id"]))
-    poses = {name: rows[name] for name in POSES}
-    texts = {name: _texts(run[name]) for name in ("pair", "method", "given")}
-    frame = pd.DataFrame({"id": run["id"]} | texts)
-    frame["repeat"] = run["repeat"].astype(np.int64)
-    for name in ("status", "reason"):
-        frame[name] = _texts(rows[name])
-    frame["traceback"] = frame["id"].map(failed).fillna("") if failed else ""
-    frame["stage"] = frame["id"].map(stopped).fillna("") if stopped else ""
-    blocks = [frame, _points(run["point"], points, keys)]
+    kind = _places(rows["kind"], kinds["kind"])
+    ending = _places(rows["ending"], endings["number"])
+    truth = _places(rows["truth"], truths["number"])
+    frame = pd.DataFrame({"id": rows["id"]})
+    for name in ("pair", "method", "given"):
+        frame[name] = _taken(kinds[name], kind)
+    frame["repeat"] = rows["repeat"]
+    for name in ("status", "reason", "traceback", "stage"):
+        frame[name] = _taken(endings[name], ending)
+    blocks = [frame, _points(rows["point"], points, keys)]
     if specs:
         full = [_full_spec(spec, parts) for spec in rows["spec"]]
         blocks.append(pd.DataFrame({"spec": np.array(full, dtype=object)}))
-    blocks.append(pd.DataFrame({name: rows[name].astype(np.float64) for name in NUMBERS}))
+    blocks.append(pd.DataFrame({name: rows[name] for name in NUMBERS}))
     if arrays:
-        of_matrix = pd.Index(matrices["id"]).get_indexer(pd.Index(run["id"]))
-        held = poses | {name: matrices[name][of_matrix] for name in ARRAYS}
-        shapes = POSES | ARRAYS
-        columns = {name: unpacked(list(held[name]), shape) for name, shape in shapes.items()}
-        blocks.append(pd.DataFrame(columns, dtype=object))
+        truly = {name: unpacked(truths[name], (4, 4))[truth] for name in TRUTHS}
+        held = truly | {name: rows[name] for name in ARRAYS}
+        blocks.append(pd.DataFrame(held, dtype=object))
     blocks.append(_spread(COUNTS, rows["count_names"], rows["counts"], names))
-    times = {name: column[of_time] for name, column in times.items()}
-    blocks.append(_spread(TIMES, times["stage_names"], times["stage_ms"], names))
-    blocks.append(_parameters(poses))
+    blocks.append(_spread(TIMES, rows["stage_names"], rows["stage_ms"], names))
+    exact, theoretical = (_six_parameters(truths[name])[truth] for name in TRUTHS)
+    blocks.append(_parameters(exact, theoretical, rows["parameters"]))
     return pd.concat(blocks, axis=1)
 
 
-def _columns(connection: sqlite3.Connection, query: str) -> dict[str, NDArray[np.object_]]:
+def _rows(connection: sqlite3.Connection, specs: bool, arrays: bool) -> dict[str, NDArray[Any]]:
+    """The rows of the run in its order, column by column.
+
+    Lists stand end to end; "parameters" are the six of the estimated pose.
+    """
+    names = [*INTEGERS, *OBJECTS, *NUMBERS, *LISTS, ESTIMATED]
+    names += [*(MATRICES if arrays else ()), *(("spec",) if specs else ())]
+    tables = ["ids", "trials", "timings"]
+    tables += [*(("matrices",) if arrays else ()), *(("specs",) if specs else ())]
+    # In this order each table is read from its begin to its end, as numbers go with positions.
+    joined = " ".join(f"CROSS JOIN {table} USING (number)" for table in tables)
+    cursor = connection.execute(f"SELECT {', '.join(names)} FROM run {joined} ORDER BY position")
+    blocks = [_converted(dict.fromkeys(names, ()), arrays)]
+    while fetched := cursor.fetchmany(FETCHED):
+        # At once, so that there are never more than these as objects of Python.
+        columns = dict(zip(names, zip(*fetched, strict=True), strict=True))
+        blocks.append(_converted(columns, arrays))
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+
+
+def _converted(columns: dict[str, tuple[Any, ...]], arrays: bool) -> dict[str, NDArray[Any]]:
+    """Some rows as SQLite gives them, as _rows returns them."""
+    found: dict[str, NDArray[Any]] = {}
+    for name, column in columns.items():
+        if name in LISTS:
+            found[name] = stacked(column, ())
+        elif name in NUMBERS:
+            found[name] = np.array(column, dtype=np.float64)  # None becomes NaN
+        elif name in INTEGERS:
+            found[name] = np.array(column, dtype=np.int64)
+        elif name not in ARRAYS:
+            found[name] = np.array(column, dtype=object)
+        elif arrays:
+            found[name] = unpacked(column, ARRAYS[name])
+    return found | {"parameters": _six_parameters(columns[ESTIMATED])}
+
+
+def _six_parameters(blobs: Blobs) -> FloatArray:
+    """(n, 6) the six parameters of packed poses; NaN where there is none."""
+    values = np.full((len(blobs), 6), np.nan)
+    there = np.array([blob is not None for blob in blobs], dtype=np.bool_)
+    if there.any():
+        matrices = stacked((blob for blob in blobs if blob is not None), (4, 4))
+        rotations = Rotation.from_matrix(matrices[:, :3, :3])
+        values[there] = parameters_of(rotations, matrices[:, :3, 3])
+    return values
+
+
+def _table(connection: sqlite3.Connection, query: str) -> dict[str, NDArray[np.object_]]:
     """What a query finds, column by column."""
     cursor = connection.execute(query)
     names = [name for name, *_ in cursor.description]
-    blocks = [np.empty((0, len(names)), dtype=object)]
-    while fetched := cursor.fetchmany(FETCHED):
-        blocks.append(np.array(fetched, dtype=object))
-    return {name: np.concatenate([b[:, i] for b in blocks]) for i, name in enumerate(names)}
+    columns = list(zip(*cursor.fetchall(), strict=True)) or [()] * len(names)
+    return {n: np.array(column, dtype=object) for n, column in zip(names, columns, strict=True)}
 
 
-def _texts(column: NDArray[np.object_]) -> pd.Series:
-    """A column of few different texts; pandas looks at each of them once, not at every row."""
-    numbers, different = pd.factorize(column)
-    return pd.Series(different).take(numbers).reset_index(drop=True)
+def _places(numbers: NDArray[np.int64], known: NDArray[np.object_]) -> NDArray[np.intp]:
+    """Where each number stands among the known ones."""
+    return pd.Index(known.astype(np.int64)).get_indexer(pd.Index(numbers))
+
+
+def _taken(texts: NDArray[np.object_], places: NDArray[np.intp]) -> pd.Series:
+    """A column of texts, of which pandas looks at each different one once, not at every row."""
+    return pd.Series(texts, dtype="str").take(places).reset_index(drop=True)
 
 
 def _points(
@@ -131,22 +172,23 @@ def _points(
 
 
 def _spread(
-    prefix: str,
-    listings: NDArray[np.object_],
-    blobs: NDArray[np.object_],
-    texts: dict[int, str],
+    prefix: str, listings: NDArray[np.int64], numbers: FloatArray, texts: dict[int, str]
 ) -> pd.DataFrame:
-    """Numbers that rows hold under names of their own, a column for each name."""
+    """Numbers that rows hold under names of their own, a column for each name.
+
+    listings: (n,) which names each row has. numbers: those of all rows, end to end.
+    """
     columns: dict[str, FloatArray] = {}
     # In the order in which they first occur, as the stages of a method follow each other.
     kind_of, kinds = pd.factorize(listings)
-    for kind, number in enumerate(kinds):
+    names = [json.loads(texts[int(number)]) for number in kinds]
+    lengths = np.array([len(listed) for listed in names], dtype=np.int64)[kind_of]
+    begin = np.cumsum(lengths) - lengths
+    for kind, listed in enumerate(names):
         which = np.flatnonzero(kind_of == kind)
-        listed = json.loads(texts[number])
-        numbers = np.frombuffer(b"".join(blobs[which])).reshape(len(which), len(listed))
         for index, name in enumerate(listed):
             column = columns.setdefault(prefix + name, np.full(len(listings), np.nan))
-            column[which] = numbers[:, index]
+            column[which] = numbers[begin[which] + index]
     whole = prefix == COUNTS
     return pd.DataFrame(
         {
@@ -157,21 +199,13 @@ def _spread(
     )
 
 
-def _parameters(poses: dict[str, NDArray[np.object_]]) -> pd.DataFrame:
-    """The six parameters of the poses, and estimated less exact; NaN where there is no pose."""
+def _parameters(exact: FloatArray, theoretical: FloatArray, estimated: FloatArray) -> pd.DataFrame:
+    """The six parameters (n, 6) of the poses, and estimated less exact; NaN where there is none."""
+    values = dict(zip(KINDS, (exact, theoretical, estimated), strict=False))
+    values["error"] = parameter_errors(exact, estimated)
     names = [
         f"{name}_{unit}" for name, unit in zip(PARAMETERS, ["deg"] * 3 + ["mm"] * 3, strict=True)
     ]
-    values = {}
-    for kind in KINDS[:3]:
-        # Trials of one pair share their exact pose: each different one is converted once.
-        numbers, different = pd.factorize(poses[f"T_{kind}"])  # no pose: -1, the last
-        values[kind] = np.full((len(different) + 1, 6), np.nan)
-        if len(different):
-            matrices = stacked(list(different), (4, 4))
-            values[kind][:-1] = six_parameters(RigidTransform.from_matrix(matrices))
-        values[kind] = values[kind][numbers]
-    values["error"] = parameter_errors(values["exact"], values["estimated"])
     return pd.DataFrame(
         {f"{kind}_{name}": values[kind][:, i] for kind in KINDS for i, name in enumerate(names)}
     )

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.lazy import Lazy
 from harness.sweep_schema import LISTING, AnyOf, Between, Named, Normal, Range, Sweep
 
 FloatArray = NDArray[np.float64]
+Entries = Sequence[tuple[Any, Any]]  # values, each with what a table calls it
 
 MOST_POINTS = 1_000_000
 # Quantiles 0 and 1 of an unbounded distribution are infinite; a sequence may begin with them.
@@ -54,23 +55,30 @@ def point_count(sweep: Sweep) -> int:
     return 1 + sum(counts) if sweep.design == "one_at_a_time" else max(counts)
 
 
-def sweep_points(sweep: Sweep) -> Iterator[Point]:
+def sweep_points(sweep: Sweep) -> Sequence[Point]:
     """The points of a sweep in their order; raises ValueError for a zip of unequal lengths."""
     if sweep.design == "one_at_a_time":
-        yield Point(0, "", {}, {})
-        number = itertools.count(1)
-        for key, values in sweep.over.items():
-            for value, shown in _listed(values):
-                yield Point(next(number), key, {key: value}, {key: shown})
-        return
-    for number_, settings in enumerate(_settings(sweep)):
-        pairs = dict(zip(sweep.over, settings, strict=True))
-        yield Point(
-            number_,
+        changes = [(k, *entry) for k, values in sweep.over.items() for entry in _listed(values)]
+
+        def changed(number: int) -> Point:
+            if number == 0:
+                return Point(0, "", {}, {})
+            key, value, shown = changes[number - 1]
+            return Point(number, key, {key: value}, {key: shown})
+
+        return Lazy(1 + len(changes), changed)
+    settings = _settings(sweep)
+
+    def point(number: int) -> Point:
+        pairs = dict(zip(sweep.over, settings[number], strict=True))
+        return Point(
+            number,
             "",
             {key: value for key, (value, _) in pairs.items()},
             {key: shown for key, (_, shown) in pairs.items()},
         )
+
+    return Lazy(len(settings), point)
 
 
 def salib_problem(sweep: Sweep) -> dict[str, Any]:
@@ -100,20 +108,30 @@ def unit_design(sweep: Sweep) -> FloatArray:
     return np.asarray(drawn, dtype=np.float64)
 
 
-def _settings(sweep: Sweep) -> Iterator[Sequence[tuple[Any, Any]]]:
+def _settings(sweep: Sweep) -> Sequence[Sequence[tuple[Any, Any]]]:
     """For each point the value of every key, and what a table calls it."""
+    if sweep.design in LISTING:
+        lists: dict[str, Entries] = {key: _listed(values) for key, values in sweep.over.items()}
+    else:
+        design = unit_design(sweep)
+        columns = zip(sweep.over.items(), design.T, strict=True)
+        lists = {key: _drawn(values, quantiles) for (key, values), quantiles in columns}
+    lengths = {key: len(entries) for key, entries in lists.items()}
     if sweep.design == "product":
-        return itertools.product(*(_listed(values) for values in sweep.over.values()))
-    if sweep.design == "zip":
-        lists = {key: _listed(values) for key, values in sweep.over.items()}
-        lengths = {key: len(entries) for key, entries in lists.items()}
-        if len(set(lengths.values())) > 1:
-            told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
-            raise ValueError(f"design zip needs as many values of every key; {told}")
-        return zip(*lists.values(), strict=True)
-    design = unit_design(sweep)
-    columns = [_drawn(values, design[:, k]) for k, values in enumerate(sweep.over.values())]
-    return zip(*columns, strict=True)
+        return Lazy(math.prod(lengths.values()), lambda n: _combined(list(lists.values()), n))
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
+        raise ValueError(f"design zip needs as many values of every key; {told}")
+    return Lazy(min(lengths.values()), lambda n: [entries[n] for entries in lists.values()])
+
+
+def _combined(lists: Sequence[Entries], number: int) -> list[tuple[Any, Any]]:
+    """One element of the product of lists, of which the last varies fastest."""
+    chosen = []
+    for entries in reversed(lists):
+        number, place = divmod(number, len(entries))
+        chosen.append(entries[place])
+    return chosen[::-1]
 
 
 def _listed(values: Any) -> list[tuple[Any, Any]]:
@@ -133,18 +151,16 @@ def _range(values: Range) -> list[Any]:
     return [float(f"{number:.12g}") for number in numbers.tolist()]
 
 
-def _drawn(values: Any, quantiles: FloatArray) -> list[tuple[Any, Any]]:
+def _drawn(values: Any, quantiles: FloatArray) -> Entries:
     """The values of one key at these quantiles of its distribution."""
     if isinstance(values, Between):
         low, high = float(values.low), float(values.high)
         if values.distribution == "integers":
             steps = np.floor(quantiles * (high - low + 1.0)).astype(np.int64)
-            numbers = np.minimum(int(low) + steps, int(high)).tolist()
-        elif values.distribution == "log_uniform":
-            numbers = (low * (high / low) ** quantiles).tolist()
-        else:
-            numbers = (low + (high - low) * quantiles).tolist()
-        return [(number, number) for number in numbers]
+            return _numbers(np.minimum(int(low) + steps, int(high)))
+        if values.distribution == "log_uniform":
+            return _numbers(low * (high / low) ** quantiles)
+        return _numbers(low + (high - low) * quantiles)
     if isinstance(values, Normal):
         from scipy.stats import truncnorm
 
@@ -155,11 +171,14 @@ def _drawn(values: Any, quantiles: FloatArray) -> list[tuple[Any, Any]]:
             (1.0 if np.isfinite(high) else 1.0 - EDGE),
         )
         standard = truncnorm.ppf(np.clip(quantiles, least, most), low, high)
-        numbers = (values.mean + values.deviation * standard).tolist()
-        return [(number, number) for number in numbers]
+        return _numbers(values.mean + values.deviation * standard)
     entries = _listed(values.values if isinstance(values, AnyOf) else values)
     which = np.minimum((quantiles * len(entries)).astype(np.int64), len(entries) - 1)
-    return [entries[index] for index in which.tolist()]
+    return Lazy(len(which), lambda n: entries[which[n]])
+
+
+def _numbers(drawn: NDArray[Any]) -> Entries:
+    return Lazy(len(drawn), lambda n: (drawn[n].item(), drawn[n].item()))
 
 
 def _short(value: Any) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from harness.config import checked_experiment
 from harness.config_errors import ConfigError, Key
@@ -16,16 +18,17 @@ from harness.recent import Recent
 from harness.schema import Experiment
 from harness.sweep import MOST_POINTS, Point, point_count, shown_value, sweep_points
 from harness.sweep_schema import Named, Sweep
-from harness.trials import Trial, build_trials
+from harness.trials import Trial, Trials, build_trials
 
 # Pieces of configurations, and whole ones without their parameters, that are kept while building.
 KEPT = 4096
+KEPT_POINTS = 1024  # of which trials are taken in turn where several share their scans
 AS_IT_IS = "as it is"  # a section of the configuration that a point leaves alone
 
 
 def build_swept_trials(
     data: dict[str, Any], sweep: Sweep, defaults: dict[str, Any], file: Path
-) -> tuple[Trial, ...]:
+) -> Trials:
     """The trials of every point, point by point; raises ConfigError, naming file, point and key.
 
     data: the configuration as its file holds it, overrides applied. defaults: the same with every
@@ -45,13 +48,13 @@ def build_swept_trials(
         for key, values in sweep.over.items()
     }
     builder = _Builder(file)
-    trials: list[Trial] = []
     try:
-        points = list(sweep_points(sweep))
+        points = sweep_points(sweep)
     except ValueError as error:
         raise ConfigError(file, ("sweep", "over"), str(error)) from None
-    for point in points:
-        changed = base
+
+    def of_point(number: int) -> tuple[Point, Trials]:
+        point, changed = points[number], base
         try:
             for key, value in point.values.items():
                 for path in paths[key]:
@@ -62,10 +65,31 @@ def build_swept_trials(
         if point.varied or not point.values:
             point = Point(point.number, point.varied, point.values, unchanged | point.shown)
         try:
-            trials += builder.trials(changed, point)
+            return point, builder.trials(changed)
         except ConfigError as error:
             raise _at(point, file, str(error).removeprefix(f"{file}: ")) from None
-    return tuple(trials)
+
+    return _joined(len(points), of_point)
+
+
+def _joined(count: int, of_point: Callable[[int], tuple[Point, Trials]]) -> Trials:
+    """The trials of so many points, one after the other; each point is checked at once."""
+    lengths = np.zeros(count, dtype=np.int64)
+    used: set[tuple[str, str]] = set()
+    for number in range(count):
+        _, trials = of_point(number)
+        lengths[number] = len(trials)
+        used |= trials.used
+    ends = np.cumsum(lengths)
+    recent = Recent(KEPT_POINTS)
+
+    def trial(index: int) -> Trial:
+        number = int(np.searchsorted(ends, index, side="right"))
+        point, trials = recent.get(str(number), lambda: of_point(number))
+        made = trials[index - int(ends[number] - lengths[number])]
+        return Trial(made.spec, made.pair, made.label, point)
+
+    return Trials(int(ends[-1]), trial, frozenset(used))
 
 
 def _check_apart(paths: dict[str, list[Key]], file: Path) -> None:
@@ -121,13 +145,11 @@ class _Builder:
         self._outlines = Recent(KEPT)
         self._pieces = Recent(KEPT)
 
-    def trials(self, data: dict[str, Any], point: Point) -> Iterator[Trial]:
+    def trials(self, data: dict[str, Any]) -> Trials:
         experiment = self._experiment(data)
         if isinstance(experiment, RandomPairsExperiment):
-            built = build_random_trials(experiment, self._file, self._pieces)
-        else:
-            built = build_trials(experiment, self._file, self._pieces)
-        return (Trial(trial.spec, trial.pair, trial.label, point) for trial in built)
+            return build_random_trials(experiment, self._file, self._pieces)
+        return build_trials(experiment, self._file, self._pieces)
 
     def _experiment(self, data: dict[str, Any]) -> Experiment | RandomPairsExperiment:
         """The checked configuration; its outline without any parameters is checked once only."""

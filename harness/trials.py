@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -22,6 +22,7 @@ from harness.choices import (
     text_of,
 )
 from harness.config_errors import ConfigError
+from harness.lazy import Lazy
 from harness.recent import Recent
 from harness.schema import Experiment, PlacedView, StartView, Truth
 from harness.sweep import Point
@@ -138,14 +139,30 @@ class Trial:
         return self.spec.id
 
 
+class Trials(Lazy[Trial]):
+    """All trials of a checked experiment, each made when it is asked for.
+
+    used: the methods by name, each with the calibration that it reads or "".
+    """
+
+    def __init__(
+        self, length: int, make: Callable[[int], Trial], used: frozenset[tuple[str, str]]
+    ) -> None:
+        super().__init__(length, make)
+        self.used = used
+
+
+def used_methods(methods: Iterable[Chosen]) -> frozenset[tuple[str, str]]:
+    """The methods as Trials notes them."""
+    return frozenset((m.name, str(getattr(m.params, "calibration", ""))) for m in methods)
+
+
 def full_specs(trials: Iterable[Trial]) -> list[TrialSpec]:
     """The specs that name their views, all but those of random pairs."""
     return [trial.spec for trial in trials if isinstance(trial.spec, TrialSpec)]
 
 
-def build_trials(
-    experiment: Experiment, file: Path, kept: Recent | None = None
-) -> tuple[Trial, ...]:
+def build_trials(experiment: Experiment, file: Path, kept: Recent | None = None) -> Trials:
     """All trials of an experiment, in a fixed order; raises ConfigError, naming the file and key.
 
     The order is by repeat, pair and method, so that scans which are shared come close together.
@@ -162,22 +179,29 @@ def build_trials(
     )
     methods = chosen_methods(experiment.methods, file, kept)
     scan, views = experiment.scan, _views(experiment, file, kept)
-    return tuple(
-        Trial(
-            TrialSpec(
-                scene, sensor, scan.profiles, scan.step_mm, views[pair.target], views[pair.source],
-                method, given, repeat, experiment.seed,
-            ),
-            name,
-            choice.label or choice.name,
-        )
-        for repeat in range(experiment.repeats)
+    combinations = [
+        (name, pair, choice.label or choice.name, method, given)
         for name, pair in experiment.pairs.items()
         for choice, method in zip(experiment.methods, methods, strict=True)
         for given in ("", *choice.given)
-        # True segments and patches hold no noise: every repeat would be the same trial.
-        if repeat == 0 or given in ("", "rotation")
-    )  # fmt: skip
+    ]
+    # True segments and patches hold no noise: every repeat would be the same trial.
+    repeated = [each for each in combinations if each[-1] in ("", "rotation")]
+
+    def trial(index: int) -> Trial:
+        repeat, place = 0, index
+        if index >= len(combinations):
+            repeat, place = divmod(index - len(combinations), len(repeated))
+            repeat += 1
+        name, pair, label, method, given = (repeated if repeat else combinations)[place]
+        spec = TrialSpec(
+            scene, sensor, scan.profiles, scan.step_mm, views[pair.target], views[pair.source],
+            method, given, repeat, experiment.seed,
+        )  # fmt: skip
+        return Trial(spec, name, label)
+
+    count = len(combinations) + (experiment.repeats - 1) * len(repeated)
+    return Trials(count, trial, used_methods(methods))
 
 
 def _views(experiment: Experiment, file: Path, kept: Recent) -> dict[str, ViewSpec]:

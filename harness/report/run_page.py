@@ -61,8 +61,10 @@ def run_part(
         else {m.label or m.name for m in session.experiment.methods if m.figures}
     )
     folder = session.folder / FOLDER
-    by_id = {trial.id: trial for trial in session.trials}
-    records = provided(offered(rows, labels, main), by_id, rows, folder, make_executor)
+    wanted = offered(rows, labels, main)
+    shown = set(wanted)
+    by_id = {trial.id: trial for trial in session.trials if trial.id in shown}
+    records = provided(wanted, by_id, rows, folder, make_executor)
     command = ["run-experiment", str(_config_file(session))]
     failures = failures_table(rows)
     if len(failures.frame):  # the page may hold its beginning only

@@ -90,7 +90,7 @@ def rows_of(out: Path) -> list[tuple[object, ...]]:
     with contextlib.closing(
         sqlite3.connect(f"file:{out}/trials.sqlite?mode=ro", uri=True)
     ) as connection:
-        query = "SELECT * FROM trials JOIN matrices USING (id) ORDER BY id"
+        query = "SELECT * FROM whole_rows ORDER BY id"
         return connection.execute(query).fetchall()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ TURNED = Rotation.from_rotvec([0.5, 0.3, -0.4], degrees=True)
 T_NOMINAL_SENSOR = RigidTransform.from_components([4, -2, 3], TURNED)
 
 
-def trials_of(*overrides: str) -> tuple[Trial, ...]:
+def trials_of(*overrides: str) -> Sequence[Trial]:
     small = ("methods=[{name: thesis}]", "repeats=2", "scan.profiles=20")
     return build_trials(load_experiment(DESK, (*small, *overrides)), DESK)
 

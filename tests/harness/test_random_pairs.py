@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -57,7 +58,7 @@ def config(tmp_path: Path) -> Path:
     return file
 
 
-def trials_of(file: Path, *overrides: str) -> tuple[Trial, ...]:
+def trials_of(file: Path, *overrides: str) -> Sequence[Trial]:
     return build_random_trials(load_experiment(file, overrides), file)
 
 

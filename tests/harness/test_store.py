@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from harness.scoring import six_parameters
 from harness.session import open_session
 from harness.store import FILE_NAME, Row, Store, StoreError, load
 
@@ -103,7 +104,6 @@ def test_rows_of_other_code_and_errors_are_not_finished(tmp_path: Path) -> None:
         store.add(example_row("b"), "new")
         store.add(replace(example_row("c"), status="error", reason="a bug"), "new")
         assert store.finished("new") == {"b"}
-        assert store.outdated("abc", "new") == 1
         store.add(example_row("a"), "new")
         assert store.finished("new") == {"a", "b"}
 
@@ -155,3 +155,25 @@ def test_drawings_are_of_one_trial_and_go_with_their_method(
 def test_loading_nothing_says_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="run the experiment first"):
         load(tmp_path)
+
+
+def test_trials_that_end_alike_keep_what_is_their_own(small_file: Path, tmp_path: Path) -> None:
+    trials = open_session(small_file, None).trials
+    error = Row(trials[0].id, "{}", "error", reason="a bug", traceback="line 1\nline 2")
+    rows = [error, replace(error, id=trials[1].id), example_row(trials[2].id)]
+    with Store(tmp_path) as store:
+        store.begin(trials[:3])
+        store.add_all(reversed(rows), "code")
+    loaded = load(tmp_path, specs=True)
+    assert list(loaded["id"]) == [row.id for row in rows]
+    assert list(loaded["status"]) == ["error", "error", "ok"]
+    assert list(loaded["traceback"]) == ["line 1\nline 2"] * 2 + [""]
+    assert [pose is None for pose in loaded["T_exact"]] == [True, True, False]
+    six = loaded.filter(regex="^exact_").to_numpy()
+    np.testing.assert_array_equal(six[2], six_parameters(rows[2].T_exact))
+    assert np.isnan(six[:2]).all()
+    with sqlite3.connect(tmp_path / FILE_NAME) as connection:
+        (alike,) = connection.execute("SELECT count(*) FROM endings").fetchone()
+        whole = connection.execute("SELECT id, traceback FROM whole_rows").fetchall()
+    assert alike == 2
+    assert dict(whole) == {row.id: row.traceback for row in rows}
