@@ -25,6 +25,10 @@ from registration.result import RegistrationResult
 from registration.scan import Scan
 
 ONE_DIRECTION_RAD = 0.1
+UNCALIBRATED = (
+    "no calibration was given: the bias of the sensor stays in the scans, the pose is the less "
+    "accurate for it, and errors may be larger than the covariance says"
+)
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -58,7 +62,12 @@ def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan,
 
 
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
-    """Register two described scans."""
+    """Register two described scans, described with the same parameters."""
+    result = _registered(target, source, params)
+    return result if params.calibration else replace(result, notes=(UNCALIBRATED,))
+
+
+def _registered(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
     started = perf_counter()
     for name, view in (("target", target), ("source", source)):
         if view.patches.n_points.size == 0:
