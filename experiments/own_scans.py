@@ -65,6 +65,7 @@ def register_files(
         "calibration": None if calibration_file is None else str(calibration_file),
         "status": result.status,
         "reason": result.reason,
+        "notes": list(result.notes),
         "stage": result.stage,
         "T_target_source": None if pose is None else pose.as_matrix().tolist(),
         "covariance": None if result.covariance is None else result.covariance.tolist(),
@@ -124,9 +125,9 @@ def _check_folder(folder: Path) -> None:
 
 
 def _tell(console: Console, result: RegistrationResult) -> None:
-    """Status, pose as matrix and six parameters, and how sure the method is of it."""
+    """Status, notes, pose as matrix and six parameters, and how sure the method is of it."""
     reason = f": {result.reason}" if result.reason else ""
-    lines = [f"Status: {result.status}{reason}"]
+    lines = [f"Status: {result.status}{reason}", *(f"Note: {note}." for note in result.notes)]
     pose = result.T_target_source
     if pose is not None:
         six = six_parameters(pose)

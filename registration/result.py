@@ -40,6 +40,8 @@ class RegistrationResult:
     candidates: runners-up, best first.
     stage_ms: wall time of each stage.
     evidence: intermediate results by name, for figures and diagnosis; never needed for the answer.
+    notes: what a user should know of an answer of any status, "ok" too, a line each: as that no
+        calibration was given, and what that does to the accuracy. Empty where there is nothing.
     """
 
     T_target_source: RigidTransform | None
@@ -51,6 +53,7 @@ class RegistrationResult:
     stage_ms: dict[str, float] = field(default_factory=dict)
     evidence: dict[str, Any] = field(default_factory=dict)
     stage: str = ""
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.status == "ok" and self.T_target_source is None:

@@ -65,7 +65,7 @@ def write_own_page(
     part = Part(
         name="own",
         title=pair.pair,
-        sentence=f"{sentence}.",
+        sentence=" ".join([f"{sentence}.", *(f"Note: {note}." for note in result.notes)]),
         answer=pose_table(result),
         tables=[time_table(result)],
         figures=[still],

@@ -104,11 +104,11 @@ def take_bias(beams: FloatArray, plane: FloatArray, apex_z_mm: float, known: Kno
         across2 = 1.0 + s * s - along * along
         size = np.sqrt(across2 if across2 > 0.0 else 0.0)
         tangent[j] = size / (along if along > 1e-3 else 1e-3)
-    _look_up(known.by_tangent, beams[MEASURED], apex_z_mm, tangent, value)
+    look_up(known.by_tangent, beams[MEASURED], apex_z_mm, tangent, value)
     for j in range(n):
         beams[SIGMA, j] = known.sigma_scale * value[0, j]
     if known.lateral:
-        _look_up(known.by_slope, beams[MEASURED], apex_z_mm, beams[SLOPE], value)
+        look_up(known.by_slope, beams[MEASURED], apex_z_mm, beams[SLOPE], value)
     for j in range(n):
         beams[DEPTH, j] = beams[MEASURED, j] - value[1, j]
 
@@ -119,13 +119,13 @@ def take_lateral_bias(
 ) -> None:
     """Correct depths (n,) in place by what can be told without the surface's inclination."""
     value = np.empty((2, depth_mm.size))
-    _look_up(known.by_slope, depth_mm, apex_z_mm, slope, value)
+    look_up(known.by_slope, depth_mm, apex_z_mm, slope, value)
     for j in range(depth_mm.size):
         depth_mm[j] -= value[1, j]
 
 
 @compiled
-def _look_up(
+def look_up(
     table: EvenTable, depth: FloatArray, apex_z: float, at: FloatArray, value: FloatArray
 ) -> None:
     """Both tables at all points, (2, n) out: bilinear between the nodes, constant beyond them."""

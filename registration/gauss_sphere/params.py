@@ -175,6 +175,26 @@ class MatchParams:
 
 
 @dataclass(frozen=True)
+class BendingParams:
+    """What is left of a bias in the scans, from how far it bends their planes.
+
+    samples: points of each view that are looked at; least_points: of them, that a plane needs.
+    close_rad, close_mm: patches closer than this may be pieces of one bent plane.
+    least_mm: root mean square by which a bias of the full size must bend a plane to be seen there.
+    flat_to_mm: how flat things are, at best; with a calibration, how well it knows the bias.
+    sure: standard deviations from which on a bias is believed.
+    """
+
+    samples: int = 2000
+    least_points: int = 40
+    close_rad: float = 0.1
+    close_mm: float = 8.0
+    least_mm: float = 0.1
+    flat_to_mm: float = 0.05
+    sure: float = 3.5
+
+
+@dataclass(frozen=True)
 class WholePlaneParams:
     """Pieces of one plane put together, when the answer has been found.
 
@@ -250,4 +270,5 @@ class GaussSphereParams:
     verification: VerificationParams = field(default_factory=VerificationParams)
     match: MatchParams = field(default_factory=MatchParams)
     decision: DecisionParams = field(default_factory=DecisionParams)
+    bending: BendingParams = field(default_factory=BendingParams)
     whole_planes: WholePlaneParams = field(default_factory=WholePlaneParams)

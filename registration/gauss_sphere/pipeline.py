@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from registration.gauss_sphere.beams import Fan, fan_of
+from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import judge, sliding, transforms
 from registration.gauss_sphere.evidence import PlaneEvidence
@@ -25,6 +26,15 @@ from registration.result import RegistrationResult
 from registration.scan import Scan
 
 ONE_DIRECTION_RAD = 0.1
+UNCALIBRATED = (
+    "no calibration was given: the bias of the sensor stays in the scans, the pose is the less "
+    "accurate for it, and errors may be larger than the covariance says"
+)
+UNFIT = (
+    "the calibration does not fit the scans, it seems to be of another sensor: corrected by it, "
+    "planes are bent as by a bias of up to {:.1f} mm, which the covariance allows for"
+)
+BENT = "planes are bent as by a bias of up to {:.1f} mm, which the covariance allows for"
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -58,7 +68,12 @@ def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan,
 
 
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
-    """Register two described scans."""
+    """Register two described scans, described with the same parameters."""
+    result = _registered(target, source, params)
+    return result if params.calibration else replace(result, notes=(UNCALIBRATED, *result.notes))
+
+
+def _registered(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
     started = perf_counter()
     for name, view in (("target", target), ("source", source)):
         if view.patches.n_points.size == 0:
@@ -99,8 +114,14 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
             evidence=nothing,
             stage="translation",
         )
+    bias_mm = left_bias_mm(target, source, read_known(params.calibration), params.bending)
+    if bias_mm > 0.0:
+        settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
     result = judge(settled, target, source, params.decision)
-    if result.status == "ok" and params.calibration:
+    if bias_mm > 0.0:
+        about = UNFIT if params.calibration else BENT
+        result = replace(result, notes=(about.format(bias_mm),))
+    elif result.status == "ok" and params.calibration:
         refined = by_whole_planes(settled[0], target.patches, source.patches, params)
         covariance = np.linalg.inv(refined.sure)
         result = replace(

@@ -46,14 +46,18 @@ def test_files_of_a_jupiter_are_registered(
     shown = capsys.readouterr().out
     assert "Status: ok" in shown
     assert "Standard deviations" in shown
+    assert "Note: no calibration was given" in shown
     answer = json.loads((out / "registration.json").read_text(encoding="utf-8"))
+    assert answer["notes"][0].startswith("no calibration was given")
     T_found = RigidTransform.from_matrix(answer["T_target_source"])
     error = pose_error(T_exact, T_found)
     assert np.rad2deg(error.rotation_rad) < 0.05
     assert error.translation_mm < 0.5
     assert f"{T_found.translation[1]:.3f}" in shown
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert "source.3dx was registered to target.3dx by gauss_sphere: ok." in page
+    assert (
+        "source.3dx was registered to target.3dx by gauss_sphere: ok. Note: no calibration" in page
+    )
     record = json.loads(gzip.decompress((out / "pairs" / "trial_own.json.gz").read_bytes()))
     assert record["poses"] == {"estimate": answer["T_target_source"], "exact": None}
     assert record["error"] is record["overlap"] is None

@@ -124,3 +124,13 @@ def test_a_broken_calibration_is_named(exact_pair, tmp_path: Path) -> None:
     params = GaussSphereParams(calibration=str(path))
     with pytest.raises(CalibrationError, match=r"calibration\.json"):
         register(exact_pair.target, exact_pair.source, params=params)
+
+
+def test_an_answer_without_a_calibration_says_so(exact_pair, tmp_path: Path) -> None:
+    result = register(exact_pair.target, exact_pair.source)
+    assert (result.status, result.reason) == ("ok", "")
+    (note,) = result.notes
+    assert note.startswith("no calibration was given")
+    assert "\n" not in note
+    nothing = Scan.from_points(np.full((5, 8, 3), np.nan), step_mm=5.0)
+    assert register(nothing, nothing).notes == (note,)

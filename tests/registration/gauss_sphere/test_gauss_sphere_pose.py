@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
 import numpy as np
 import pytest
 from plane_scans import (
@@ -15,6 +19,8 @@ from plane_scans import (
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import Scan, register
+from registration.gauss_sphere.params import GaussSphereParams
+from registration.warm import no_bias
 
 
 def pair(seed: int, noise: float) -> tuple[Scan, Scan, RigidTransform]:
@@ -159,3 +165,33 @@ def test_a_symmetric_pyramid_is_ambiguous() -> None:
     angles = [pose_error(p, T_source_target.inv())[0] for p in poses]
     assert min(angles) < 2.0
     assert max(angles) > 80.0
+
+
+def answers(workers: int, order: list[int], calibration: str) -> dict[int, bytes]:
+    """Pose and covariance of some pairs, bit by bit, registered in that order by threads."""
+    params = GaussSphereParams(calibration=calibration)
+
+    def bits(seed: int) -> bytes:
+        result = register(*pair(seed, noise=1.0)[:2], params=params)
+        assert result.T_target_source is not None
+        assert result.covariance is not None
+        return result.T_target_source.as_matrix().tobytes() + result.covariance.tobytes()
+
+    with ThreadPoolExecutor(workers) as pool:
+        return dict(zip(order, pool.map(bits, order), strict=True))
+
+
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_threads_order_and_process_do_not_change_a_bit(calibrated: bool, tmp_path: Path) -> None:
+    calibration = str(tmp_path / "calibration.json") if calibrated else ""
+    if calibrated:
+        no_bias().write(calibration)
+    seeds = [0, 1, 2, 3]
+    alone = answers(1, seeds, calibration)
+    for order in (seeds[::-1], [2, 0, 3, 1] * 3):
+        assert answers(4, order, calibration) == alone
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=spawn) as fresh:
+        assert fresh.submit(answers, 1, seeds[1:], calibration).result() == {
+            seed: alone[seed] for seed in seeds[1:]
+        }

@@ -1,0 +1,97 @@
+"""A bias that no calibration, or that of another sensor, leaves in the scans is seen and told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair
+
+from registration import RegistrationResult, Scan, register
+from registration.calibration import Calibration, Table
+from registration.gauss_sphere.bending import PARABOLA_MM, bending
+from registration.gauss_sphere.calibrated import NOTHING_KNOWN
+from registration.gauss_sphere.evidence import PlaneEvidence
+from registration.gauss_sphere.params import GaussSphereParams
+
+SEEDS = (1, 2, 3)
+DEPTH_MM, SLOPE = np.linspace(100.0, 1500.0, 57), np.linspace(-0.3, 0.3, 61)
+
+
+def bulged(scan: Scan, share: float) -> Scan:
+    """The scan of a sensor with a lateral bias, a parabola over the field."""
+    reach_mm = scan.points_mm[..., 2] + APEX_BEHIND_MM
+    slope = scan.points_mm[..., 1] / reach_mm
+    off_mm = share * PARABOLA_MM * slope**2 * (reach_mm / 1000.0) ** 2
+    points_mm = scan.points_mm.copy()
+    points_mm[..., 1] += slope * off_mm
+    points_mm[..., 2] += off_mm
+    return replace(scan, points_mm=points_mm)
+
+
+def calibration(share: float, folder: Path) -> GaussSphereParams:
+    """The method with what a flat target would have told of that sensor."""
+    bias = share * PARABOLA_MM * SLOPE**2 * ((DEPTH_MM[:, None] + APEX_BEHIND_MM) / 1000.0) ** 2
+    sigma = Table(DEPTH_MM, np.array([0.0, 3.0]), np.outer(0.1 + 1e-3 * DEPTH_MM, [1.0, 1.0]))
+    apex_mm = np.array([0.0, 0.0, -APEX_BEHIND_MM])
+    table = Table(DEPTH_MM, SLOPE, bias)
+    Calibration("lateral", apex_mm, table, sigma, known_to_mm=0.03).write(folder / "c.json")
+    return GaussSphereParams(calibration=str(folder / "c.json"))
+
+
+def answer(pair: Pair, share: float, params: GaussSphereParams) -> RegistrationResult:
+    return register(bulged(pair.target, share), bulged(pair.source, share), params=params)
+
+
+def distance2(result: RegistrationResult, pair: Pair) -> float:
+    """Squared error in units of the covariance, six degrees of freedom."""
+    off = pair.T_target_source * result.T_target_source.inv()
+    error = np.append(off.rotation.as_rotvec(), off.translation)
+    return float(error @ np.linalg.solve(result.covariance, error))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_bending_is_measured(seed: int) -> None:
+    seen = answer(clutter_pair(seed, 1.0), 1.0, GaussSphereParams()).evidence["planes"]
+    assert isinstance(seen, PlaneEvidence)
+    found = bending(seen.target, seen.source, NOTHING_KNOWN, seen.params.bending)
+    assert found.lateral == pytest.approx(1.0, abs=0.25)
+    assert abs(found.lateral - 1.0) < 4.0 * found.lateral_deviation
+    assert (found.share, found.share_deviation) == (0.0, np.inf)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(("of_sensor", "of_file"), [(0.0, 1.0), (1.0, -1.0), (0.0, -1.0)])
+def test_a_calibration_of_another_sensor_is_told_and_widens_the_covariance(
+    of_sensor: float, of_file: float, seed: int, tmp_path: Path
+) -> None:
+    pair, params = clutter_pair(seed, 1.0), calibration(of_file, tmp_path)
+    result = answer(pair, of_sensor, params)
+    (note,) = result.notes
+    assert note.startswith("the calibration does not fit the scans")
+    assert result.status in ("ok", "underdetermined")
+    if result.status == "ok":
+        assert distance2(result, pair) < 16.8
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("share", [0.0, 1.0, -1.0])
+def test_the_right_calibration_is_left_in_peace(share: float, seed: int, tmp_path: Path) -> None:
+    result = answer(clutter_pair(seed, 1.0), share, calibration(share, tmp_path))
+    assert (result.status, result.reason, result.notes) == ("ok", "", ())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("noise", [0.1, 1.0])
+def test_without_a_calibration_a_bulge_is_told_and_widens_the_covariance(
+    noise: float, seed: int
+) -> None:
+    pair = clutter_pair(seed, noise)
+    result = answer(pair, 1.0, GaussSphereParams())
+    assert len(result.notes) == 2
+    assert result.notes[1].startswith("planes are bent as by a bias of up to")
+    if result.status == "ok":
+        assert distance2(result, pair) < 16.8
+    assert len(answer(pair, 0.0, GaussSphereParams()).notes) == 1
