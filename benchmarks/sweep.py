@@ -1,6 +1,9 @@
 """How fast a sweep runs: trials a second, overhead, two workers against one, start, reading back.
 
-python benchmarks/sweep.py [--trials N] [--rows N]
+python benchmarks/sweep.py [--trials N] [--rows N] [--asked N]
+
+--asked is the size of a sweep at 1,000 points of which only the start is measured: the time to its
+first row and the memory of the process that drives it.
 
 A trial is a 40 x 256 pair of the desk with all noise, scanned anew, registered and scored. Run it
 on an idle machine: everything else that runs makes all of it slower.
@@ -11,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -33,6 +37,8 @@ from harness.scoring import COARSE  # noqa: E402
 from harness.session import execute, open_session, plan  # noqa: E402
 from harness.store import Store, load  # noqa: E402
 from harness.trials import Trial  # noqa: E402
+
+POINTS = 1000  # of the sweep that is only begun
 
 CONFIG = """\
 title: Desk, two views
@@ -99,6 +105,33 @@ def first_row_s(file: Path) -> float:
     return taken
 
 
+def start_of(trials: int) -> None:
+    """Print as JSON the seconds to the first row of a sweep and the MB that its driver took."""
+    start = time.perf_counter()
+    points = min(POINTS, trials)
+    with tempfile.TemporaryDirectory() as name:
+        key = "methods.thesis.params.segments.warp_mm"
+        values = "{distribution: uniform, from: 2, to: 8}"
+        sweep = f"{{design: latin_hypercube, samples: {points}, over: {{{key}: {values}}}}}"
+        overrides = [f"repeats={trials // points}", f"sweep={sweep}"]
+        session = open_session(config(Path(name), "thesis"), Path(name) / "out", overrides)
+        with Store(session.folder) as store:
+            going = execute(session, store, plan(session, store), process_pool(2))
+            next(going)
+            seconds = time.perf_counter() - start
+            going.close()  # type: ignore[attr-defined]  # a generator, which ends its workers
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    print(json.dumps({"trials": len(session.trials), "seconds": seconds, "megabytes": most}))
+
+
+def started(trials: int) -> dict[str, float]:
+    """start_of in a process of its own."""
+    command = [sys.executable, __file__, "--start-of", str(trials)]
+    answer = subprocess.run(command, capture_output=True, text=True, check=True)
+    found: dict[str, float] = json.loads(answer.stdout)
+    return found
+
+
 def reading(rows: int) -> tuple[float, float, float]:
     """Seconds to write rows like those of a sweep, and to load and summarise them; GB on disk."""
     rng = np.random.default_rng(0)
@@ -150,8 +183,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--rows", type=int, default=1_000_000)
+    parser.add_argument("--asked", type=int, default=100_000)
+    parser.add_argument("--start-of", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--best-of", type=int, default=3)
     options = parser.parse_args()
+    if options.start_of:
+        start_of(options.start_of)
+        return
     found: list[tuple[str, str, str]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -170,6 +208,10 @@ def main() -> None:
         file = config(folder, "thesis")
         starts = [first_row_s(file) for _ in range(options.best_of)]
         found.append(("start to first trial", f"{min(starts):.1f} s", "under 3 s"))
+    for trials in (1000, options.asked):
+        begun = started(trials)
+        told = f"{begun['seconds']:.1f} s, {begun['megabytes']:.0f} MB"
+        found.append((f"{begun['trials']} trials: to the first row", told, "as much memory"))
     written_s, read_s, gigabytes = reading(options.rows)
     found.append((f"{options.rows} rows: load and summarise", f"{read_s:.1f} s", "under 10 s"))
     found.append((f"{options.rows} rows: write", f"{written_s:.0f} s, {gigabytes:.2f} GB", ""))

@@ -25,7 +25,6 @@ from experiments.terminal import (
 )
 from harness.cluster import cluster_pool
 from harness.config_errors import ConfigError, nearest
-from harness.export import export_rows
 from harness.pool import process_pool
 from harness.schema import Experiment
 from harness.scoring import six_parameters
@@ -115,6 +114,8 @@ def run_all(
 
 def export(session: Session, file: Path) -> int:
     """Write the rows at hand to one file; computes nothing."""
+    from harness.export import export_rows  # it brings pandas
+
     rows = export_rows(session.folder, file)
     print(f"{file}: {rows} rows")
     return EXIT_OK

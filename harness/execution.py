@@ -14,7 +14,7 @@ from harness import diagnosis
 from harness.common_points import Common, common_points, pose_bounds
 from harness.face_gaps import FaceGaps, centroid_gaps, only
 from harness.pair_view import PairView
-from harness.random_pairs import RandomSpec, drawn_spec
+from harness.random_pairs import NoPairError, RandomSpec, drawn_spec
 from harness.recent import Recent
 from harness.scoring import encoder_pose, exact_pose, pose_error
 from harness.store import Row, RowStatus
@@ -157,9 +157,9 @@ def full_spec(trial: Trial) -> TrialSpec:
     """The spec of a trial; the pair of a random one is drawn, for every method the same."""
     spec = trial.spec
     if isinstance(spec, RandomSpec):
-        pair = _pairs.get(
-            spec.pair_key(), lambda: drawn_spec(spec, lambda drawn: common(drawn).shares)
-        )
+        pair = _pairs.get(spec.pair_key(), lambda: _drawn(spec))
+        if isinstance(pair, NoPairError):
+            raise NoPairError(str(pair))  # anew, or each trial's traceback would grow by the last
         return dataclasses.replace(
             pair,
             sensor=spec.sensor,
@@ -170,6 +170,14 @@ def full_spec(trial: Trial) -> TrialSpec:
     if not isinstance(spec, TrialSpec):
         raise TypeError(f"{type(spec).__name__} is no spec of a trial")
     return spec
+
+
+def _drawn(spec: RandomSpec) -> TrialSpec | NoPairError:
+    """The pair of a spec, or why there is none: the other methods need not search again."""
+    try:
+        return drawn_spec(spec, lambda drawn: common(drawn).shares)
+    except NoPairError as error:
+        return error.with_traceback(None)
 
 
 def common(spec: TrialSpec) -> Common:

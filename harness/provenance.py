@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import datetime
 import hashlib
 import os
@@ -44,8 +45,8 @@ def remember_code() -> None:
 def code_fingerprint(methods: Iterable[str], data: Iterable[Path | str] = ()) -> str:
     """A hash of the code that computes rows: rows of other code are computed again, not reused.
 
-    methods: names as in the config; a function of the user's own counts with its module's file, a
-        peer with the versions of its libraries.
+    methods: names as in the config; a function of the user's own counts with its module's file and
+        those that it imports from the same place, a peer with the versions of its libraries.
     data: files that the methods read, as a calibration.
     """
     libraries = list(LIBRARIES)
@@ -55,9 +56,7 @@ def code_fingerprint(methods: Iterable[str], data: Iterable[Path | str] = ()) ->
         if name in PEERS:
             libraries += ["small_gicp", *PEERS[name].needs]
         module, colon, _ = name.partition(":")
-        spec = util.find_spec(module) if colon else None
-        if spec is not None and spec.origin is not None:
-            files.append(Path(spec.origin))
+        files += _with_imports(module) if colon else []
     digest = hashlib.sha256()
     for name in sorted(set(libraries)):
         digest.update(f"{name} {metadata.version(name)}\n".encode())
@@ -69,6 +68,64 @@ def code_fingerprint(methods: Iterable[str], data: Iterable[Path | str] = ()) ->
 def _own_files() -> list[Path]:
     files = [path for folder in CODE for path in (ROOT / folder).rglob("*.py")]
     return files + [ROOT / "harness" / f"{name}.py" for name in CODE_OF_TRIALS]
+
+
+def _with_imports(module: str) -> list[Path]:
+    """The file of a user's module and of all that it imports, however far, from the same place.
+
+    The place is the folder that its top package or module is found in; nothing is run but what
+    finds a module, which imports the packages it lies in.
+    """
+    place = _found(module.partition(".")[0])
+    first = _found(module)
+    if place is None or first is None:
+        return []
+    root = place.parent.parent if place.name == "__init__.py" else place.parent
+    files: dict[Path, None] = {}
+    waiting = [module]
+    known = set(waiting)
+    while waiting:
+        name = waiting.pop()
+        file = _found(name)
+        if file is None or not file.is_relative_to(root) or "site-packages" in file.parts:
+            continue
+        files[file] = None
+        package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+        named = _imported(file, package) | {name.rpartition(".")[0]}  # its package runs before it
+        waiting += sorted(named - known - {""})
+        known |= named
+    return list(files)
+
+
+def _imported(file: Path, package: str) -> set[str]:
+    """Names that a file's import statements may mean, modules or not, wherever they stand."""
+    names: set[str] = set()
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (SyntaxError, ValueError):
+        return names
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                try:
+                    base = util.resolve_name("." * node.level + base, package)
+                except ImportError:
+                    continue
+            names |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def _found(module: str) -> Path | None:
+    """The file of a module in Python, or None."""
+    try:
+        spec = util.find_spec(module)
+    except (ImportError, AttributeError, ValueError):
+        return None
+    found = spec is not None and spec.origin is not None and spec.origin.endswith(".py")
+    return Path(spec.origin) if found and spec is not None and spec.origin else None
 
 
 def _digest(path: Path) -> str:

@@ -7,10 +7,9 @@ from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from harness.choices import installed_methods
@@ -29,7 +28,9 @@ from harness.store import Store, StoreError, load
 from harness.swept_trials import build_swept_trials
 from harness.table_files import Table, write_tables
 from harness.trials import Trial, Trials, TrialSpec, build_trials
-from harness.view_tables import sensing_tables
+
+if TYPE_CHECKING:  # it takes 0.4 s to import, which the first trial need not wait for
+    import pandas as pd
 
 # Tables that the terminal does not show.
 QUIET = ("curves",)
@@ -180,6 +181,7 @@ def report(session: Session) -> list[Table]:
     from harness.sweep_tables import sweep_table
     from harness.tables import all_tables
     from harness.variants import variant_tables
+    from harness.view_tables import sensing_tables
 
     rows = load(session.folder, arrays=session.experiment.sweep is None)
     if rows.empty:

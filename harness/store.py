@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -17,8 +17,10 @@ from scipy.spatial.transform import RigidTransform
 from harness.store_file import FILE_NAME as FILE_NAME
 from harness.store_file import Lock, connect, packed, telling
 from harness.store_file import StoreError as StoreError
-from harness.store_load import load as load
 from harness.trials import Trial
+
+if TYPE_CHECKING:  # it takes 0.4 s to import, which the first trial need not wait for
+    import pandas as pd
 
 RowStatus = Literal["ok", "ambiguous", "underdetermined", "failed", "no_overlap", "error"]
 
@@ -56,6 +58,13 @@ class Row:
     counts: dict[str, int] = field(default_factory=dict)
     stage_ms: dict[str, float] = field(default_factory=dict)
     stage: str = ""
+
+
+def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.DataFrame:
+    """The rows of a results folder: see harness.store_load.load."""
+    from harness.store_load import load as read  # it brings pandas
+
+    return read(folder, specs, arrays)
 
 
 class RunState(NamedTuple):

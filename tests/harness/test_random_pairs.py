@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from harness import execution, random_pairs
+from harness.child import Task
 from harness.config import load_experiment
 from harness.config_errors import ConfigError
+from harness.limits import Limits
 from harness.random_pairs import (
     NoPairError,
     RandomSpec,
@@ -19,6 +21,7 @@ from harness.random_pairs import (
     family_of,
 )
 from harness.session import open_session
+from harness.supervise import perform_all
 from harness.trials import Trial, TrialSpec, canonical_json
 from sensors.noise import NoiseParams
 
@@ -135,6 +138,29 @@ def test_what_cannot_be_drawn_is_said(config: Path, monkeypatch: pytest.MonkeyPa
     row = execution.perform(Trial(spec, "desk 0", "gauss_sphere")).row
     assert row.status == "error"
     assert "aim closer" in row.reason
+
+
+def test_what_cannot_be_drawn_is_searched_for_once_for_all_methods(
+    config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched: list[RandomSpec] = []
+
+    def search(spec: RandomSpec, shares: object) -> TrialSpec:
+        searched.append(spec)
+        raise NoPairError("none overlaps")
+
+    monkeypatch.setattr(execution, "drawn_spec", search)
+    trials = [trial for trial in trials_of(config, "seed=77") if trial.pair == "desk 0"]
+    rows = [execution.perform(trial).row for trial in trials]
+    assert [row.reason for row in rows] == ["NoPairError: none overlaps"] * 2
+    assert len(searched) == 1
+
+
+def test_the_time_limit_of_a_trial_covers_the_search_for_its_pair(config: Path) -> None:
+    trial = trials_of(config, "overlap=[0.99, 1.0]", "sensor.params={pixels: 512}")[0]
+    (ended,) = perform_all([Task(trial, keep=True)], Limits(trial_s=0.3))
+    assert ended.row.status == "error"
+    assert ended.row.reason == "did not end within 0.3 s and was killed"
 
 
 @pytest.mark.parametrize(

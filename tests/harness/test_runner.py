@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -122,3 +124,16 @@ def test_workers_that_loaded_other_code_are_refused(
             list(execute(session, store, planned, lambda: lasting))
         assert "\n" not in str(caught.value)
         assert plan(session, store).missing == planned.missing
+
+
+def test_a_run_starts_without_what_only_its_tables_need(small_file: Path, tmp_path: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path; import experiments.commands; "
+        "from harness.session import open_session, plan; from harness.store import Store\n"
+        "session = open_session(Path(sys.argv[1]), Path(sys.argv[2]))\n"
+        "with Store(session.folder) as store: plan(session, store)\n"
+        "print({'pandas', 'matplotlib', 'scipy.stats'} & sys.modules.keys())"
+    )
+    command = [sys.executable, "-c", program, str(small_file), str(tmp_path / "run")]
+    answer = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert answer.stdout.strip() == "set()"
