@@ -262,6 +262,11 @@ def _spread_law(samples: _Samples) -> Callable[[FloatArray], FloatArray]:
         differences = np.abs(np.diff(samples.error_mm[here]))
         depths_mm.append(samples.depth_mm[here].mean())
         spreads_mm.append(max(1.4826 * float(np.median(differences)) / np.sqrt(2.0), 1e-3))
+    if not depths_mm:
+        raise ValueError(
+            f"the targets have {len(samples.depth_mm)} points in all, too few to tell the noise; "
+            "scan more profiles of each"
+        )
     law = Polynomial.fit(depths_mm, np.log(spreads_mm), min(2, len(depths_mm) - 1))
 
     def spread_mm(depth_mm: FloatArray) -> FloatArray:

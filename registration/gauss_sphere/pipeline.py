@@ -26,6 +26,7 @@ from registration.result import RegistrationResult
 from registration.scan import Scan
 
 ONE_DIRECTION_RAD = 0.1
+FARTHEST_MM = 0.9e5
 UNCALIBRATED = (
     "no calibration was given: the bias of the sensor stays in the scans, the pose is the less "
     "accurate for it, and errors may be larger than the covariance says"
@@ -70,7 +71,9 @@ def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan,
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
     """Register two described scans, described with the same parameters."""
     result = _registered(target, source, params)
-    return result if params.calibration else replace(result, notes=(UNCALIBRATED, *result.notes))
+    notes = () if params.calibration else (UNCALIBRATED,)
+    far = () if result.status == "ok" else _marks(target, source)
+    return replace(result, notes=(*notes, *result.notes, *far))
 
 
 def _registered(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
@@ -117,25 +120,40 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     bias_mm = left_bias_mm(target, source, read_known(params.calibration), params.bending)
     if bias_mm > 0.0:
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
+    best = settled[0]
     result = judge(settled, target, source, params.decision)
     if bias_mm > 0.0:
         about = UNFIT if params.calibration else BENT
         result = replace(result, notes=(about.format(bias_mm),))
     elif result.status == "ok" and params.calibration:
-        refined = by_whole_planes(settled[0], target.patches, source.patches, params)
-        covariance = np.linalg.inv(refined.sure)
+        best = by_whole_planes(best, target.patches, source.patches, params)
+        covariance = np.linalg.inv(best.sure)
         result = replace(
             result,
-            T_target_source=transforms([refined])[0],
+            T_target_source=transforms([best])[0],
             covariance=0.5 * (covariance + covariance.T),
         )
-    planes = PlaneEvidence(target, source, settled[0].pairs, settled[0].distance2, params)
+    planes = PlaneEvidence(target, source, best.pairs, best.distance2, params)
     stage_ms = {
         "rotation": 1e3 * (turned - started),
         "translation": 1e3 * (shifted - turned),
         "verification": 1e3 * (perf_counter() - shifted),
     }
     return replace(result, stage_ms=stage_ms, evidence={"planes": planes})
+
+
+def _marks(target: View, source: View) -> tuple[str, ...]:
+    """What may be wrong with scans whose points lie farther away than any profile scanner sees."""
+    notes = []
+    for name, view in (("target", target), ("source", source)):
+        depth_mm = view.fan.depth_mm + view.fan.apex_mm[2]
+        far = np.count_nonzero(depth_mm > FARTHEST_MM)
+        if far:
+            notes.append(
+                f"{far} of {np.isfinite(depth_mm).sum()} points of the {name} scan lie more than "
+                f"{FARTHEST_MM / 1e3:g} m away: where nothing returned, give NaN"
+            )
+    return tuple(notes)
 
 
 def _no_rotation(target: View, source: View) -> RegistrationResult:

@@ -126,6 +126,22 @@ def widened(
 
 
 @compiled
+def distances2(
+    target: Patches,
+    source: Patches,
+    pairs: IntArray,
+    likely: Likelihood,
+    floor_mm: float,
+    r: FloatArray,
+    t: FloatArray,
+) -> FloatArray:
+    """(m,) squared Mahalanobis distances of pairs of planes (m, 2) under a pose."""
+    hessian, gradient, distance2 = np.empty((6, 6)), np.empty(6), np.empty(pairs.shape[0])
+    _accumulate(target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2)
+    return distance2
+
+
+@compiled
 def maximise(
     target: Patches,
     source: Patches,

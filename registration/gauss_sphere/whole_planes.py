@@ -17,7 +17,14 @@ from registration.gauss_sphere.plane_pairs import (
     no_difference,
     squared_distance,
 )
-from registration.gauss_sphere.refine import EXACTLY, Likelihood, likelihood, maximise, widened
+from registration.gauss_sphere.refine import (
+    EXACTLY,
+    Likelihood,
+    distances2,
+    likelihood,
+    maximise,
+    widened,
+)
 from registration.gauss_sphere.small_matrices import invert_symmetric3
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
@@ -58,7 +65,8 @@ def by_whole_planes(
     _refine(target, source, best.pairs[agreeing], likely, joining, r, t, sure)
     if _moved2(best, r, t) > how.moved_distance2 or not _surer(sure, best.sure):
         return best
-    return best._replace(rotation=r, shift_mm=t, sure=sure)
+    distance2 = distances2(target, source, best.pairs, likely, best.floor_mm, r, t)
+    return best._replace(rotation=r, shift_mm=t, sure=sure, distance2=distance2)
 
 
 def _moved2(best: Settled, r: FloatArray, t: FloatArray) -> float:
@@ -183,13 +191,14 @@ def _refine(
     whole_a, of_a = put_together(target, likely.lever_mm, joining)
     whole_b, of_b = put_together(source, likely.lever_mm, joining)
     n_a, n_b = whole_a.normal.shape[0], whole_b.normal.shape[0]
-    joined = np.zeros((n_a, n_b), np.bool_)
+    # Each plane once: paired with two pieces that the other view left apart, it would count twice.
+    used_a, used_b = np.zeros(n_a, np.bool_), np.zeros(n_b, np.bool_)
     pairs = np.empty((n_a * n_b, 2), np.int64)
     n = 0
     for m in range(agreeing.shape[0]):
         i, k = of_a[agreeing[m, 0]], of_b[agreeing[m, 1]]
-        if not joined[i, k]:
-            joined[i, k] = True
+        if not (used_a[i] or used_b[k]):
+            used_a[i] = used_b[k] = True
             pairs[n, 0], pairs[n, 1] = i, k
             n += 1
     distance2, information = np.empty(n_a * n_b), np.empty((6, 6))
@@ -204,7 +213,7 @@ def _refine(
         best_i, best_k, least = -1, -1, joining.loosest_mm**2
         for i in range(n_a):
             for k in range(n_b):
-                if joined[i, k]:
+                if used_a[i] or used_b[k]:
                     continue
                 cosine = compare(whole_a, i, whole_b, k, r, t, 0.0, 0.0, difference)
                 if cosine < LEAST_COSINE:
@@ -217,7 +226,7 @@ def _refine(
                     best_i, best_k, least = i, k, difference.spread[2, 2]
         if best_i < 0:
             break
-        joined[best_i, best_k] = True
+        used_a[best_i] = used_b[best_k] = True
         pairs[n, 0], pairs[n, 1] = best_i, best_k
         n += 1
     take_chance(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, sure)

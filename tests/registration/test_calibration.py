@@ -170,6 +170,15 @@ def test_a_target_that_tells_nothing_is_named(
         fit_calibration([first, second])
 
 
+def test_targets_of_too_few_points_are_named() -> None:
+    short = [
+        TargetScan(Scan.from_points(t.scan.points_mm[:1, ::32], 4.0), t.normal, t.offset_mm)
+        for t in _targets("incidence")[:12]
+    ]
+    with pytest.raises(ValueError, match="points in all, too few to tell the noise"):
+        fit_calibration(short)
+
+
 def test_targets_that_stood_elsewhere_than_told_cost_little_when_the_bench_is_known() -> None:
     def error_mm(calibration: Calibration) -> float:
         depth_mm, tangent = np.linspace(330.0, 1070.0, 9)[:, None], np.linspace(0.0, 0.6, 41)

@@ -52,6 +52,16 @@ def distance2(result: RegistrationResult, pair: Pair) -> float:
     return float(error @ np.linalg.solve(result.covariance, error))
 
 
+@pytest.mark.parametrize("mark_mm", [1e5, float(np.finfo(np.float32).max)])
+def test_marks_of_no_return_are_named_where_no_answer_is_found(mark_mm: float) -> None:
+    points_mm = np.full((20, 64, 3), mark_mm)
+    points_mm[5, :3] = np.nan
+    result = register(*[Scan.from_points(points_mm, 5.0)] * 2)
+    assert result.status != "ok"
+    assert result.notes[1].startswith("1277 of 1277 points of the target scan lie more than 90 m")
+    assert "NaN" in result.notes[2]
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_bending_is_measured(seed: int) -> None:
     seen = answer(clutter_pair(seed, 1.0), 1.0, GaussSphereParams()).evidence["planes"]

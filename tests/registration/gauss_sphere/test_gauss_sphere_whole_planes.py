@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from plane_scans import clutter_pair
 
+from registration import register
+from registration.calibration import KNOWN_TO_MM
 from registration.gauss_sphere.matching import Settled
-from registration.gauss_sphere.params import GaussSphereParams, RefineParams
+from registration.gauss_sphere.params import GaussSphereParams, RefineParams, WholePlaneParams
 from registration.gauss_sphere.patches import Patches
-from registration.gauss_sphere.refine import EXACTLY, likelihood, maximise, widened
+from registration.gauss_sphere.refine import EXACTLY, distances2, likelihood, maximise, widened
 from registration.gauss_sphere.whole_planes import Joining, by_whole_planes, put_together
 from registration.scan import FloatArray
+from registration.warm import no_bias
 
 SIGMA_MM = 0.5
 LEVER_MM = likelihood(RefineParams()).lever_mm
@@ -133,3 +139,48 @@ def test_a_wall_of_which_each_view_sees_another_part_fixes_the_pose() -> None:
     assert np.mean(errors_deg) < 0.3 * np.mean(kept_deg)
     # And it knows how sure it is: 6 in the mean, known to 0.5 from 40 draws.
     assert 3.5 < np.mean(distances2) < 8.0
+
+
+def test_a_plane_counts_once_when_the_other_view_left_its_pieces_apart() -> None:
+    """The floor of one view is worth no more for being paired with two pieces of the other's."""
+    rng = np.random.default_rng(5)
+    box = [(UP, 40.0, 10.0 * UP, 12.0), (RIGHT, 30.0, AHEAD, 12.0), (AHEAD, 30.0, UP, 12.0)]
+    floor = (UP, 0.0, np.zeros(3), 20.0)
+    target = pieces_of(rng, floor, *box)
+    source = pieces_of(rng, floor, *box, (UP, 0.18, 20.0 * RIGHT, 20.0))
+    pairs = np.array([[0, 0], [1, 1], [2, 2], [3, 3], [0, 4]])
+    best = settled(target, source, pairs[:4])._replace(
+        pairs=pairs, distance2=np.zeros(5), sure=1e-6 * np.eye(6)
+    )
+    params = GaussSphereParams(whole_planes=WholePlaneParams(moved_distance2=1e9))
+    how = JOINING._replace(floor_mm=0.5 * best.floor_mm)
+    assert put_together(source, LEVER_MM, how)[1].tolist() == [0, 1, 2, 3, 4]
+    twice = by_whole_planes(best, target, source, params)
+    once = by_whole_planes(
+        best._replace(pairs=pairs[:4], distance2=np.zeros(4)), target, source, params
+    )
+    # As sure as by one of the two, whichever it is.
+    assert twice.sure[5, 5] == pytest.approx(once.sure[5, 5], rel=0.2)
+    assert len(twice.distance2) == 5
+
+
+def test_distances_of_planes_are_of_the_pose_that_is_answered(tmp_path: Path) -> None:
+    no_bias().write(tmp_path / "c.json")
+    params = GaussSphereParams(calibration=str(tmp_path / "c.json"))
+    target, source, _ = clutter_pair(1001, 1.0)
+    result = register(target, source, params=params)
+    assert result.status == "ok"
+    seen = result.evidence["planes"]
+    pose = result.T_target_source
+    found = [
+        min(
+            np.abs(
+                distances2(
+                    seen.target.patches, seen.source.patches, seen.pairs,
+                    likelihood(params.refine), floor, pose.rotation.as_matrix(), pose.translation,
+                ) - seen.distance2
+            ).max()
+            for floor in (*params.refine.floors_mm, KNOWN_TO_MM)
+        )
+    ]  # fmt: skip
+    assert max(found) < 1e-6
