@@ -1,0 +1,216 @@
+"""Scenes that repeat themselves, are symmetric or have three directions: what methods make of them.
+
+python benchmarks/hard_scenes.py [--pairs N] [--seed N] [--only KIND ...]
+
+Every pair has a scene of its own. A wrong answer is marked "ok" and off by more than 5 degrees or
+30 mm: on a shelf a whole compartment, say. Where no answer is to be had, a method should say so.
+"""
+
+from __future__ import annotations
+
+from harness.threads import limit_threads
+
+limit_threads()
+
+import argparse  # noqa: E402
+from collections import Counter  # noqa: E402
+from collections.abc import Callable  # noqa: E402
+from dataclasses import dataclass  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import numpy as np  # noqa: E402
+from tabulate import tabulate  # noqa: E402
+
+from harness.config import load_experiment  # noqa: E402
+from harness.execution import full_spec, scan_view  # noqa: E402
+from harness.random_pairs import build_random_trials  # noqa: E402
+from harness.scoring import COARSE, exact_pose, pose_error  # noqa: E402
+from registration import register  # noqa: E402
+from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
+from scenes import SCENES, SceneEntry  # noqa: E402
+from scenes.rays import RayError  # noqa: E402
+from scenes.scene import Scene  # noqa: E402
+from scenes.solids import Solid, assemble, box, frustum, prism, turned  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[1]
+CONFIG = ROOT / "configs" / "random_pairs.yaml"
+CALIBRATION = str(ROOT / "configs" / "calibration" / "jupiter.json")
+STATUSES = ("ambiguous", "underdetermined", "failed")
+
+FLOOR = box("floor", [1.4, 1.4, 0.03], [0.0, 0.0, -0.03], material="wood")
+WALL = box("wall", [0.05, 1.4, 0.8], [0.4, 0.0, 0.0])
+
+
+def shelf(rng: np.random.Generator) -> list[Solid]:
+    """Equal compartments without end."""
+    width, height = rng.uniform(0.12, 0.2), rng.uniform(0.1, 0.18)
+    back = box("back", [0.02, 1.6, 1.0], [0.12, 0.0, -0.3])
+    uprights = [box(f"upright{i}", [0.2, 0.015, 1.0], [0.0, i * width, -0.3]) for i in range(-6, 7)]
+    boards = [box(f"board{i}", [0.2, 1.6, 0.015], [0.0, 0.0, i * height]) for i in range(-3, 5)]
+    return [back, *uprights, *boards]
+
+
+def grid(rng: np.random.Generator) -> list[Solid]:
+    """Equal cubes in rows and columns."""
+    size, yaw = rng.uniform(0.05, 0.09), turned(rng.uniform(0.0, 45.0))
+    gap = size * rng.uniform(1.5, 2.0)
+    places = [(i, k) for i in range(-3, 4) for k in range(-3, 4)]
+    cubes = [
+        box(f"cube{i}_{k}", [size] * 3, yaw.apply([i * gap, k * gap, 0.0]), yaw) for i, k in places
+    ]
+    return [FLOOR, *cubes]
+
+
+def louvre(rng: np.random.Generator) -> list[Solid]:
+    """Equal slats, and one post across them."""
+    pitch = rng.uniform(0.05, 0.06)
+    slat = [0.07, 1.0, 0.01]
+    slats = [box(f"slat{i}", slat, [0.0, 0.0, i * pitch], turned(0.0, 35.0)) for i in range(-5, 12)]
+    back = box("back", [0.02, 1.2, 0.9], [0.1, 0.0, -0.2])
+    return [back, *slats, box("post", [0.1, 0.05, 0.9], [-0.02, 0.2, -0.2])]
+
+
+def cube(rng: np.random.Generator) -> list[Solid]:
+    """A cube on the floor."""
+    return [FLOOR, box("cube", [rng.uniform(0.15, 0.3)] * 3, [0, 0, 0], turned(rng.uniform(0, 90)))]
+
+
+def corner(rng: np.random.Generator) -> list[Solid]:
+    """A room of its own mirror image, with a cube turned by 45 degrees."""
+    sides = [box(f"side{i}", [1.0, 0.05, 0.8], [0.0, 0.5 * i, 0.0]) for i in (-1, 1)]
+    return [
+        FLOOR,
+        WALL,
+        *sides,
+        box("cube", [rng.uniform(0.15, 0.25)] * 3, [0.05, 0, 0], turned(45)),
+    ]
+
+
+def _boxes(rng: np.random.Generator, yaws_deg: list[float]) -> list[Solid]:
+    return [
+        box(
+            f"box{i}",
+            rng.uniform(0.06, 0.2, 3),
+            [rng.uniform(-0.25, 0.25), rng.uniform(-0.3, 0.3), 0.0],
+            turned(rng.choice(yaws_deg)),
+        )
+        for i in range(10)
+    ]
+
+
+def three_directions(rng: np.random.Generator) -> list[Solid]:
+    """Boxes along the axes of a room, whose sides are hardly seen."""
+    return [FLOOR, WALL, *_boxes(rng, [0.0])]
+
+
+def upright(rng: np.random.Generator) -> list[Solid]:
+    """Boxes upright in a room, turned by 0, 30 or 45 degrees."""
+    return [FLOOR, WALL, *_boxes(rng, [0.0, 30.0, 45.0])]
+
+
+def roofs(rng: np.random.Generator) -> list[Solid]:
+    """Equal roofs side by side, and three boxes among them."""
+    width = rng.uniform(0.1, 0.16)
+    outline = [(-width / 2, 0.0), (width / 2, 0.0), (0.0, 0.6 * width)]
+    rows = [prism(f"roof{i}", outline, 0.6, [i * width, 0.0, 0.0]) for i in range(-3, 4)]
+    boxes = [
+        box(
+            f"box{i}",
+            rng.uniform(0.05, 0.12, 3),
+            [*rng.uniform(-0.2, 0.2, 2), 0.05],
+            turned(*rng.uniform(-25.0, 25.0, 3)),
+        )
+        for i in range(3)
+    ]
+    return [FLOOR, *rows, *boxes]
+
+
+def round_things(rng: np.random.Generator) -> list[Solid]:
+    """Cones and cylinders of 24 sides."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    things = []
+    for i in range(9):
+        ring = rng.uniform(0.03, 0.09) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        outline = [(float(x), float(y)) for x, y in ring]
+        place = [rng.uniform(-0.25, 0.3), rng.uniform(-0.35, 0.35), 0.0]
+        turn = turned(0.0, *rng.uniform(-15.0, 15.0, 2))
+        narrower = rng.uniform(0.5, 1.0)
+        height = rng.uniform(0.08, 0.3)
+        things.append(frustum(f"round{i}", outline, height, place, turn, top_scale=narrower))
+    return [FLOOR, WALL, *things]
+
+
+KINDS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
+    kind.__name__: kind
+    for kind in (
+        shelf, grid, louvre, cube, corner, three_directions, upright, roofs, round_things,
+    )
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class HardParams:
+    """kind: one of KINDS; the seed decides its sizes."""
+
+    kind: str = "shelf"
+    seed: int = 0
+
+
+def hard(params: HardParams) -> Scene:
+    """Build a scene that is hard to register."""
+    return assemble(params.kind, KINDS[params.kind](np.random.default_rng(params.seed)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--pairs", type=int, default=30, help="of each kind")
+    parser.add_argument("--seed", type=int, default=301)
+    parser.add_argument("--only", nargs="+", choices=list(KINDS), default=list(KINDS))
+    options = parser.parse_args()
+    SCENES["hard"] = SceneEntry(hard, HardParams)
+    families = {
+        kind: {
+            "scene": {"name": "hard", "params": {"kind": kind}}, "new_scene": True,
+            "pairs": options.pairs, "aim_mm": [0, 0, 60], "aim_within_mm": 150,
+            "distance_mm": [700, 1000], "pitch_deg": 25,
+        }
+        for kind in options.only
+    }  # fmt: skip
+    overrides = ["methods=[{name: gauss_sphere}]", f"families={families}"]
+    experiment = load_experiment(CONFIG, overrides, options.seed)
+    methods = {
+        "gauss_sphere": GaussSphereParams(calibration=CALIBRATION),
+        "gauss_sphere without calibration": GaussSphereParams(),
+    }
+    counts = {(kind, label): Counter[str]() for kind in options.only for label in methods}
+    for trial in build_random_trials(experiment, CONFIG):
+        kind = trial.pair.split()[0]
+        try:
+            spec = full_spec(trial)
+            target, source = (scan_view(spec, view) for view in (spec.target, spec.source))
+        except RayError:
+            continue  # the sensor would stand inside of a solid
+        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        for label, params in methods.items():
+            result, count = register(target, source, params=params), counts[kind, label]
+            count["pairs"] += 1
+            right = False
+            if result.T_target_source is not None:
+                error = pose_error(T_exact, result.T_target_source)
+                right = bool(
+                    np.rad2deg(error.rotation_rad) < COARSE.rotation_deg
+                    and error.translation_mm < COARSE.translation_mm
+                )
+            count["right"] += right
+            name = result.status
+            if name == "ok":
+                name = "ok, right" if right else "ok, wrong"
+            count[name] += 1
+    columns = ("pairs", "ok, right", "ok, wrong", *STATUSES, "right")
+    rows = [[kind, label, *(count[c] for c in columns)] for (kind, label), count in counts.items()]
+    headers = ["scenes", "method", *columns[:-1], "first pose right, whatever the status"]
+    print(tabulate(rows, headers, "github"))
+
+
+if __name__ == "__main__":
+    main()
