@@ -136,15 +136,19 @@ def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) 
     """
     if pose.score <= params.repeat_share * best.score:
         return False
-    # A pose that slides is easily like another: more must speak for it, and less against it.
-    slides = bool(uncertainty(pose, pose.information, target, params)[1].size)
-    least = params.sure_planes if slides else params.sure_planes - 1
-    share = params.sliding_planes if slides else params.repeat_planes
-    planes = agreeing_planes(best, target, params)
-    if agreeing_planes(pose, target, params) < max(least, share * planes):
+    if pose.areas[CONTRADICTION] > params.repeat_contradiction * pose.areas[SUPPORT]:
         return False
-    allowed = params.sliding_contradiction if slides else params.repeat_contradiction
-    return bool(pose.areas[CONTRADICTION] <= allowed * pose.areas[SUPPORT])
+    agreeing = agreeing_planes(pose, target, params)
+    planes = agreeing_planes(best, target, params)
+    if agreeing < max(params.sure_planes - 1, params.repeat_planes * planes):
+        return False
+    # A pose that slides is easily like another: more must speak for it, and less against it.
+    if not uncertainty(pose, pose.information, target, params)[1].size:
+        return True
+    return bool(
+        agreeing >= max(params.sure_planes, params.sliding_planes * planes)
+        and pose.areas[CONTRADICTION] <= params.sliding_contradiction * pose.areas[SUPPORT]
+    )
 
 
 def transforms(poses: list[Settled]) -> RigidTransform:
