@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.calibrated import Known, look_up
+from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import BendingParams, GaussSphereParams
 from registration.gauss_sphere.patches import Patches
@@ -79,8 +80,9 @@ def doubted(
     planes = np.unique(planes_of_pieces(target, *near)[pose.pairs[:, 0]]).size
     shared_mm = bias_mm * np.sqrt(pose.pairs.shape[0] / planes)
     sure, floor_mm = np.empty((6, 6)), max(float(shared_mm), pose.floor_mm)
-    r, t = pose.rotation, pose.shift_mm
-    widened(target, source, pose.pairs, likelihood(params.refine), floor_mm, r, t, sure, 0.0)
+    r, t, likely = pose.rotation, pose.shift_mm, likelihood(params.refine)
+    widened(target, source, pose.pairs, likely, floor_mm, r, t, sure, 0.0)
+    take_chance(target, source, pose.pairs, likely, floor_mm, r, t, sure)
     return pose._replace(sure=sure, floor_mm=floor_mm)
 
 

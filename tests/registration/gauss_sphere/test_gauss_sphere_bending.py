@@ -11,7 +11,8 @@ from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair
 
 from registration import RegistrationResult, Scan, register
 from registration.calibration import Calibration, Table
-from registration.gauss_sphere.bending import PARABOLA_MM, bending
+from registration.gauss_sphere import pipeline
+from registration.gauss_sphere.bending import PARABOLA_MM, bending, doubted
 from registration.gauss_sphere.calibrated import NOTHING_KNOWN
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.params import GaussSphereParams
@@ -105,3 +106,17 @@ def test_without_a_calibration_a_bulge_is_told_and_widens_the_covariance(
     if result.status == "ok":
         assert distance2(result, pair) < 16.8
     assert len(answer(pair, 0.0, GaussSphereParams()).notes) == 1
+
+
+def test_a_bias_of_nothing_leaves_the_pose_as_sure_as_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What noisy normals seem to add to the information is taken out there, too."""
+    judged = []
+    judge = pipeline.judge
+    monkeypatch.setattr(pipeline, "judge", lambda *given: judged.append(given) or judge(*given))
+    pair, params = clutter_pair(1, 1.0), GaussSphereParams()
+    register(pair.target, pair.source, params=params)
+    ((settled, target, source, _),) = judged
+    again = doubted(settled[0], target.patches, source.patches, 0.0, params)
+    np.testing.assert_array_equal(again.sure, settled[0].sure)
