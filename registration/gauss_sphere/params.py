@@ -85,8 +85,7 @@ class TranslationParams:
 
     patches: only so many of each view, of the largest area, are paired.
     angle_tolerance_rad: normals of a pair differ by less after the turn.
-    pairs: pairs, of the largest area, of which two start a shift; third_pairs: that may fix the
-        line which two leave open, at per_line places; starts: shifts that are tried.
+    pairs: pairs, of the largest area, that are tried together; starts: two of them at a time.
     distance_tolerance_mm: by how much the distances of two planes may differ under a shift, and
         tilt_tolerance_rad: besides, over the size of the patches, for an imprecise rotation.
     reach: outlines overlap within so many standard deviations of their points.
@@ -94,12 +93,10 @@ class TranslationParams:
         more where the rotations are so few that kept shifts are not reached.
     """
 
-    patches: int = 48
+    patches: int = 24
     angle_tolerance_rad: float = 0.10
     pairs: int = 64
-    third_pairs: int = 256
-    starts: int = 300
-    per_line: int = 3
+    starts: int = 200
     distance_tolerance_mm: float = 8.0
     tilt_tolerance_rad: float = 0.03
     reach: float = 1.8
@@ -153,7 +150,7 @@ class VerificationParams:
     contradiction_weight: float = 2.0
     rough_tolerance_mm: float = 20.0
     rough_stride: int = 8
-    ranked: int = 80
+    ranked: int = 40
     kept: int = 10
     worth_settling: float = 0.4
     worth_refining: float = 0.4

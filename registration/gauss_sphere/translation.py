@@ -7,21 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from registration.gauss_sphere.pair_shifts import (
-    PairShifts,
-    agrees,
-    fuse,
-    pair_up,
-    refit,
-    room_for,
-)
 from registration.gauss_sphere.params import TranslationParams
 from registration.gauss_sphere.patches import Patches
+from registration.gauss_sphere.small_matrices import invert_symmetric3
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
-
-LEAST_SINE = 0.24  # between the normals of two planes that start a shift
-LEAST_ACROSS = 0.5  # cosine between the line that they leave and the normal of a third
 
 
 class Search(NamedTuple):
@@ -30,14 +20,12 @@ class Search(NamedTuple):
     patches: int
     cos_tolerance: float
     pairs: int
-    third_pairs: int
     starts: int
-    per_line: int
     distance_tolerance_mm: float
     tilt_tolerance_rad: float
     reach: float
     distinct_mm: float
-    kept: int
+    kept_per_rotation: int
 
 
 def pose_candidates(
@@ -45,8 +33,9 @@ def pose_candidates(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Find for every rotation the shifts with most agreement in 3D.
 
-    Two pairs of planes start a shift and leave a line open; where third pairs are densest on it
-    they fix it (section 5.7, density in place of centroids). All pairs that agree refine it.
+    A pair of patches of like orientation fixes the shift along its normal, by the distances of the
+    planes, and bounds it across, by the patches' outlines (sections 5.7 and 6.6: distances in place
+    of centroids, density in 3D). Two such pairs start a shift, all that agree refine it.
 
     Returns (c, 3, 3) rotations, (c, 3) shifts in mm, (c,) agreeing area in mm^2, best first.
     """
@@ -63,9 +52,7 @@ def pose_candidates(
             params.patches,
             math.cos(params.angle_tolerance_rad),
             params.pairs,
-            params.third_pairs,
             params.starts,
-            params.per_line,
             params.distance_tolerance_mm,
             params.tilt_tolerance_rad,
             params.reach,
@@ -90,23 +77,95 @@ def _shifts(
     out_t: FloatArray,
     out_score: FloatArray,
 ) -> int:
-    n_target = min(target.n_points.size, search.patches)
-    n_source = min(source.n_points.size, search.patches)
-    pairs = room_for(n_target * n_source)
-    kept_t, kept_score = np.empty((search.kept, 3)), np.empty(search.kept)
-    served = np.empty(n_source)
+    n_a = min(target.n_points.size, search.patches)
+    n_b = min(source.n_points.size, search.patches)
+    na, ca, sa = target.normal[:n_a], target.centroid_mm[:n_a], target.spread_mm[:n_a]
+    ea, wa = target.basis[:n_a], target.area_mm2[:n_a]
+    nb, cb, sb = source.normal[:n_b], source.centroid_mm[:n_b], source.spread_mm[:n_b]
+    eb, wb = source.basis[:n_b], source.area_mm2[:n_b]
+    kept_per_rotation = search.kept_per_rotation
+    capacity = na.shape[0] * nb.shape[0]
+    normal, delta = np.empty((capacity, 3)), np.empty(capacity)
+    shift, inverse = np.empty((capacity, 3)), np.empty((capacity, 3, 3))
+    weight, gate = np.empty(capacity), np.empty(capacity)
+    mate_a, mate_b = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+    e = np.empty((2, 3))
+    t = np.empty(3)
+    kept_t, kept_score = np.empty((kept_per_rotation, 3)), np.empty(kept_per_rotation)
+    served = np.empty(max(na.shape[0], nb.shape[0]))
     found = 0
     for c in range(rotations.shape[0]):
-        m = pair_up(
-            target, source, n_target, n_source, rotations[c], search.cos_tolerance,
-            search.distance_tolerance_mm, search.tilt_tolerance_rad, search.reach, pairs,
-        )  # fmt: skip
+        r = rotations[c]
+        m = 0
+        for k in range(nb.shape[0]):
+            n0 = r[0, 0] * nb[k, 0] + r[0, 1] * nb[k, 1] + r[0, 2] * nb[k, 2]
+            n1 = r[1, 0] * nb[k, 0] + r[1, 1] * nb[k, 1] + r[1, 2] * nb[k, 2]
+            n2 = r[2, 0] * nb[k, 0] + r[2, 1] * nb[k, 1] + r[2, 2] * nb[k, 2]
+            c0 = r[0, 0] * cb[k, 0] + r[0, 1] * cb[k, 1] + r[0, 2] * cb[k, 2]
+            c1 = r[1, 0] * cb[k, 0] + r[1, 1] * cb[k, 1] + r[1, 2] * cb[k, 2]
+            c2 = r[2, 0] * cb[k, 0] + r[2, 1] * cb[k, 1] + r[2, 2] * cb[k, 2]
+            for i in range(na.shape[0]):
+                if n0 * na[i, 0] + n1 * na[i, 1] + n2 * na[i, 2] < search.cos_tolerance:
+                    continue
+                d0, d1, d2 = ca[i, 0] - c0, ca[i, 1] - c1, ca[i, 2] - c2
+                normal[m] = na[i]
+                shift[m, 0], shift[m, 1], shift[m, 2] = d0, d1, d2
+                delta[m] = na[i, 0] * d0 + na[i, 1] * d1 + na[i, 2] * d2
+                weight[m] = min(wa[i], wb[k])
+                mate_a[m], mate_b[m] = i, k
+                # Across the normal the patches must overlap: an ellipse of both outlines.
+                for u in range(3):
+                    for v in range(3):
+                        spread = 0.0
+                        for w in range(2):
+                            for x in range(3):
+                                e[w, x] = (
+                                    r[x, 0] * eb[k, w, 0]
+                                    + r[x, 1] * eb[k, w, 1]
+                                    + r[x, 2] * eb[k, w, 2]
+                                )
+                            spread += ea[i, w, u] * ea[i, w, v] * sa[i, w] ** 2
+                            spread += e[w, u] * e[w, v] * sb[k, w] ** 2
+                        inverse[m, u, v] = spread * search.reach * search.reach
+                gate[m] = search.distance_tolerance_mm + search.tilt_tolerance_rad * np.sqrt(
+                    sa[i, 0] ** 2 + sa[i, 1] ** 2 + sb[k, 0] ** 2 + sb[k, 1] ** 2
+                )
+                for u in range(3):
+                    for v in range(3):
+                        inverse[m, u, v] += na[i, u] * na[i, v] * gate[m] ** 2
+                invert_symmetric3(inverse[m], inverse[m])
+                m += 1
         if m == 0:
             continue
-        order = np.argsort(-pairs.weight[:m], kind="mergesort")[: search.third_pairs]
-        n_kept = _search(pairs, order, search, served, kept_t, kept_score)
+        order = np.argsort(-weight[:m], kind="mergesort")[: search.pairs]
+        n_kept, n_starts = 0, 0
+        for total in range(1, 2 * order.size - 2):
+            # Pairs of pairs in order of their ranks' sum: the large planes first.
+            for one in range(max(0, total - order.size + 1), (total + 1) // 2):
+                p, q = order[one], order[total - one]
+                cos = (
+                    normal[p, 0] * normal[q, 0]
+                    + normal[p, 1] * normal[q, 1]
+                    + normal[p, 2] * normal[q, 2]
+                )
+                if abs(cos) > 0.97 or mate_a[p] == mate_a[q] or mate_b[p] == mate_b[q]:
+                    continue
+                _fuse(shift, inverse, p, q, t)
+                if not _agrees(shift, inverse, p, t) or not _agrees(shift, inverse, q, t):
+                    continue
+                n_starts += 1
+                score = 0.0
+                for _ in range(2):
+                    score = _refit(
+                        shift, inverse, normal, delta, gate, weight, mate_b, order, t, served
+                    )
+                n_kept = _keep(t, score, search.distinct_mm, kept_t, kept_score, n_kept)
+                if n_starts >= search.starts:
+                    break
+            if n_starts >= search.starts:
+                break
         for j in range(n_kept):
-            out_r[found] = rotations[c]
+            out_r[found] = r
             out_t[found] = kept_t[j]
             out_score[found] = kept_score[j]
             found += 1
@@ -114,109 +173,74 @@ def _shifts(
 
 
 @compiled
-def _search(
-    pairs: PairShifts,
-    order: IntArray,
-    search: Search,
-    served: FloatArray,
-    kept_t: FloatArray,
-    kept_score: FloatArray,
-) -> int:
-    """Shifts that most pairs agree on, best first, and their areas; returns how many there are."""
-    t, start, line = np.empty(3), np.empty(3), np.empty(3)
-    crossing, area = np.empty(order.size), np.empty(order.size)
-    n_kept, n_starts = 0, 0
-    first = min(order.size, search.pairs)
-    for total in range(1, 2 * first - 2):
-        # Pairs of pairs in order of their ranks' sum: the large planes first.
-        for one in range(max(0, total - first + 1), (total + 1) // 2):
-            p, q = order[one], order[total - one]
-            if pairs.target[p] == pairs.target[q] or pairs.source[p] == pairs.source[q]:
-                continue
-            if not _line_of(pairs, p, q, line):
-                continue
-            fuse(pairs, p, q, start)
-            if not agrees(pairs, p, start) or not agrees(pairs, q, start):
-                continue
-            n = _crossings(pairs, order, p, q, start, line, crossing, area)
-            # Where the outlines put it, then where third planes are densest along the line.
-            place = 0.0
-            for turn in range(1 + search.per_line):
-                if turn > 0:
-                    place = _densest(crossing[:n], area[:n], search.distance_tolerance_mm)
-                    if not np.isfinite(place):
-                        break
-                for u in range(3):
-                    t[u] = start[u] + place * line[u]
-                score = 0.0
-                for _ in range(2):
-                    score = refit(pairs, order, t, served)
-                n_kept = _keep(t, score, search.distinct_mm, kept_t, kept_score, n_kept)
-                n_starts += 1
-            if n_starts >= search.starts:
-                return n_kept
-    return n_kept
-
-
-@compiled
-def _line_of(pairs: PairShifts, p: int, q: int, line: FloatArray) -> bool:
-    """The direction (3,) that the planes of two pairs leave open; False where it is not one."""
-    a, b = pairs.normal[p], pairs.normal[q]
-    line[0] = a[1] * b[2] - a[2] * b[1]
-    line[1] = a[2] * b[0] - a[0] * b[2]
-    line[2] = a[0] * b[1] - a[1] * b[0]
-    size = np.sqrt(line[0] ** 2 + line[1] ** 2 + line[2] ** 2)
-    if size < LEAST_SINE:
-        return False
+def _fuse(shift: FloatArray, inverse: FloatArray, p: int, q: int, t: FloatArray) -> None:
+    total = inverse[p] + inverse[q]
+    invert_symmetric3(total, total)
+    rhs = np.empty(3)
     for u in range(3):
-        line[u] /= size
-    return True
+        rhs[u] = 0.0
+        for v in range(3):
+            rhs[u] += inverse[p, u, v] * shift[p, v] + inverse[q, u, v] * shift[q, v]
+    for u in range(3):
+        t[u] = total[u, 0] * rhs[0] + total[u, 1] * rhs[1] + total[u, 2] * rhs[2]
 
 
 @compiled
-def _crossings(
-    pairs: PairShifts,
+def _agrees(shift: FloatArray, inverse: FloatArray, p: int, t: FloatArray) -> bool:
+    d0, d1, d2 = t[0] - shift[p, 0], t[1] - shift[p, 1], t[2] - shift[p, 2]
+    a = inverse[p]
+    return bool(
+        d0 * (a[0, 0] * d0 + 2.0 * (a[0, 1] * d1 + a[0, 2] * d2))
+        + d1 * (a[1, 1] * d1 + 2.0 * a[1, 2] * d2)
+        + a[2, 2] * d2 * d2
+        < 1.0
+    )
+
+
+@compiled
+def _refit(
+    shift: FloatArray,
+    inverse: FloatArray,
+    normal: FloatArray,
+    delta: FloatArray,
+    gate: FloatArray,
+    weight: FloatArray,
+    mate_b: IntArray,
     order: IntArray,
-    p: int,
-    q: int,
-    start: FloatArray,
-    line: FloatArray,
-    crossing: FloatArray,
-    area: FloatArray,
-) -> int:
-    """Where the planes of third pairs cut the line from start, in mm along it; how many do."""
-    n, t = 0, np.empty(3)
-    for s in order:
-        across, ahead = 0.0, pairs.delta_mm[s]
-        for u in range(3):
-            across += pairs.normal[s, u] * line[u]
-            ahead -= pairs.normal[s, u] * start[u]
-        if abs(across) < LEAST_ACROSS:
+    t: FloatArray,
+    served: FloatArray,
+) -> float:
+    """Least squares of the distances of all pairs that agree with t; returns their area."""
+    served[:] = 0.0
+    a00, a01, a02, a11, a12, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    b0, b1, b2 = 0.0, 0.0, 0.0
+    for o in order:
+        if not _agrees(shift, inverse, o, t):
             continue
-        place = ahead / across
-        for u in range(3):
-            t[u] = start[u] + place * line[u]
-        if agrees(pairs, s, t) and agrees(pairs, p, t) and agrees(pairs, q, t):
-            crossing[n], area[n] = place, pairs.weight[s]
-            n += 1
-    return n
-
-
-@compiled
-def _densest(crossing: FloatArray, area: FloatArray, window_mm: float) -> float:
-    """The crossing with most area around it, which is then used up; NaN where none is left."""
-    best, place = 0.0, np.nan
-    for j in range(crossing.size):
-        near = 0.0
-        for k in range(crossing.size):
-            if abs(crossing[k] - crossing[j]) < window_mm:
-                near += area[k]
-        if area[j] > 0.0 and near > best:
-            best, place = near, crossing[j]
-    for k in range(crossing.size):
-        if abs(crossing[k] - place) < 2.0 * window_mm:
-            area[k] = 0.0
-    return place
+        k = mate_b[o]
+        served[k] = max(served[k], weight[o])
+        w = weight[o] / (gate[o] * gate[o])
+        n0, n1, n2 = normal[o]
+        a00 += w * n0 * n0
+        a01 += w * n0 * n1
+        a02 += w * n0 * n2
+        a11 += w * n1 * n1
+        a12 += w * n1 * n2
+        a22 += w * n2 * n2
+        d = w * (delta[o] - (n0 * t[0] + n1 * t[1] + n2 * t[2]))
+        b0 += d * n0
+        b1 += d * n1
+        b2 += d * n2
+    # A direction that no plane fixes stays where the outlines put it.
+    ridge = 1e-3 * (a00 + a11 + a22) + 1e-12
+    a = np.empty((3, 3))
+    a[0, 0], a[0, 1], a[0, 2] = a00 + ridge, a01, a02
+    a[1, 0], a[1, 1], a[1, 2] = a01, a11 + ridge, a12
+    a[2, 0], a[2, 1], a[2, 2] = a02, a12, a22 + ridge
+    invert_symmetric3(a, a)
+    for u in range(3):
+        t[u] += a[u, 0] * b0 + a[u, 1] * b1 + a[u, 2] * b2
+    return float(served.sum())
 
 
 @compiled
