@@ -157,6 +157,21 @@ def test_loading_nothing_says_what_to_do(tmp_path: Path) -> None:
         load(tmp_path)
 
 
+def test_the_state_tells_what_is_missing_reused_and_of_other_code(
+    small_file: Path, tmp_path: Path
+) -> None:
+    first, second, third = open_session(small_file, None).trials[:3]
+    with Store(tmp_path) as store:
+        store.begin([first, second, third, first])
+        store.add(example_row(first.id), "old")
+        store.add(example_row(second.id), "new")
+        store.add(replace(example_row(third.id), status="error", reason="a bug"), "new")
+        store.add(example_row("of no trial"), "old")
+        state = store.state("new")
+    assert state.missing.tolist() == [0, 2]
+    assert (state.reused, state.different, state.outdated) == (1, 3, 1)
+
+
 def test_trials_that_end_alike_keep_what_is_their_own(small_file: Path, tmp_path: Path) -> None:
     trials = open_session(small_file, None).trials
     error = Row(trials[0].id, "{}", "error", reason="a bug", traceback="line 1\nline 2")
