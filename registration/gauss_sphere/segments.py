@@ -11,6 +11,8 @@ from registration.gauss_sphere.params import SegmentParams
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
+COARSE = 16  # splits of a piece that are tried before the best one is refined
+
 
 class Segments(NamedTuple):
     """Straight pieces in the order of profiles and pixels, structure of arrays.
@@ -60,39 +62,127 @@ def find_segments(fan: Fan, params: SegmentParams) -> Segments:
 @compiled
 def _line_rss(sums: FloatArray, a: int, b: int) -> float:
     """Chi-square of the best line through points a..b-1, from running sums."""
-    w = sums[b, 0] - sums[a, 0]
     s = sums[b, 1] - sums[a, 1]
-    ss = sums[b, 2] - sums[a, 2]
     q = sums[b, 3] - sums[a, 3]
-    sq = sums[b, 4] - sums[a, 4]
-    qq = sums[b, 5] - sums[a, 5]
-    mean_s, mean_q = s / w, q / w
-    var_s = ss - s * mean_s
-    cov = sq - s * mean_q
-    rss = qq - q * mean_q
+    per_weight = 1.0 / (sums[b, 0] - sums[a, 0])
+    var_s = sums[b, 2] - sums[a, 2] - s * s * per_weight
+    cov = sums[b, 4] - sums[a, 4] - s * q * per_weight
+    rss = sums[b, 5] - sums[a, 5] - q * q * per_weight
     if var_s > 0.0:
         rss -= cov * cov / var_s
-    return float(max(rss, 0.0))
+    return rss if rss > 0.0 else 0.0
 
 
 @compiled
 def _best_split(sums: FloatArray, a: int, b: int, least: int) -> tuple[int, float]:
     """Where two lines fit points a..b-1 best, and their chi-square: coarse, then fine."""
     best, where = np.inf, -1
-    stride = max(1, (b - a) // 24)
-    k = a + least
-    while k <= b - least:
+    stride = max(1, (b - a) // COARSE)
+    for k in range(a + least, b - least + 1, stride):
         rss = _line_rss(sums, a, k) + _line_rss(sums, k, b)
         if rss < best:
             best, where = rss, k
-        k += stride
-    if stride > 1 and where >= 0:
-        low, high = max(a + least, where - stride + 1), min(b - least, where + stride - 1)
-        for k in range(low, high + 1):
-            rss = _line_rss(sums, a, k) + _line_rss(sums, k, b)
-            if rss < best:
-                best, where = rss, k
+    while stride > 1 and where >= 0:
+        stride = (stride + 1) // 2
+        middle = where
+        for k in (middle - stride, middle + stride):
+            if a + least <= k <= b - least:
+                rss = _line_rss(sums, a, k) + _line_rss(sums, k, b)
+                if rss < best:
+                    best, where = rss, k
     return where, best
+
+
+@compiled
+def _running_sums(
+    depth: FloatArray,
+    slope: FloatArray,
+    sigma: FloatArray,
+    cliff: float,
+    index: IntArray,
+    sums: FloatArray,
+) -> int:
+    """Sums (pixels + 1, 6) over the points before each, their pixels, and how many there are."""
+    m, w_, ws, wss, wq, wsq, wqq = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for u in range(depth.size):
+        d, s, far = depth[u], slope[u], cliff + 5.0 * sigma[u]
+        # An isolated point, far from both neighbours in depth, is an outlier.
+        left = u > 0 and abs(depth[u - 1] - d) < far
+        if not (left or (u + 1 < depth.size and abs(depth[u + 1] - d) < far)):
+            continue
+        index[m] = u
+        m += 1
+        q, root = 1.0 / d, d * d / sigma[u]
+        w = root * root
+        w_ += w
+        ws += w * s
+        wss += w * s * s
+        wq += w * q
+        wsq += w * s * q
+        wqq += w * q * q
+        sums[m, 0], sums[m, 1], sums[m, 2] = w_, ws, wss
+        sums[m, 3], sums[m, 4], sums[m, 5] = wq, wsq, wqq
+    return m
+
+
+@compiled
+def _cut(
+    sums: FloatArray,
+    start: int,
+    end: int,
+    least: int,
+    split_gain: float,
+    tolerance: float,
+    stack: IntArray,
+    best_of: IntArray,
+    cuts: IntArray,
+) -> int:
+    """Cut points start..end-1 where lines change; returns the number of cuts, both ends included.
+
+    stack: (pixels, 2) to work in.  best_of: (pixels, 2) to work in, between which cuts
+    a point is the best one.  cuts: (pixels,) out.
+    """
+    # Binary splitting leaves the cuts in order, because the left half is done first.
+    n_cuts, top = 1, 1
+    cuts[0] = start
+    stack[0, 0], stack[0, 1] = start, end
+    while top > 0:
+        top -= 1
+        a, b = stack[top, 0], stack[top, 1]
+        split = False
+        needed = split_gain + tolerance * tolerance * (b - a)
+        whole = _line_rss(sums, a, b)
+        if b - a >= 2 * least and whole > needed:
+            where, rss = _best_split(sums, a, b, least)
+            if where >= 0 and whole - rss > needed:
+                best_of[where, 0], best_of[where, 1] = a, b
+                stack[top, 0], stack[top, 1] = where, b
+                stack[top + 1, 0], stack[top + 1, 1] = a, where
+                top += 2
+                split = True
+        if not split:
+            cuts[n_cuts] = b
+            n_cuts += 1
+    # Each cut again, best between its neighbours; then cuts that win nothing go.
+    for _ in range(2):
+        for c in range(1, n_cuts - 1):
+            a, k, b = cuts[c - 1], cuts[c], cuts[c + 1]
+            if best_of[k, 0] == a and best_of[k, 1] == b:
+                continue
+            where, rss = _best_split(sums, a, b, least)
+            cuts[c] = where if where >= 0 else k
+            best_of[cuts[c], 0], best_of[cuts[c], 1] = a, b
+    c = 1
+    while c < n_cuts - 1:
+        a, k, b = cuts[c - 1], cuts[c], cuts[c + 1]
+        gain = _line_rss(sums, a, b) - _line_rss(sums, a, k) - _line_rss(sums, k, b)
+        if gain <= split_gain + tolerance * tolerance * (b - a):
+            for i in range(c, n_cuts - 1):
+                cuts[i] = cuts[i + 1]
+            n_cuts -= 1
+        else:
+            c += 1
+    return n_cuts
 
 
 @compiled
@@ -106,96 +196,41 @@ def _segment_profiles(
     table: IntArray,
     numbers: FloatArray,
 ) -> int:
-    slope, depth, sigma = fan.slope, fan.depth_mm, fan.sigma_mm
-    n_profiles, n_pixels = depth.shape
-    index = np.empty(n_pixels, np.int64)
-    sums = np.zeros((n_pixels + 1, 6))
+    n_profiles, n_pixels = fan.depth_mm.shape
+    index, cuts = np.empty(n_pixels, np.int64), np.empty(n_pixels + 2, np.int64)
+    sums, best_of = np.zeros((n_pixels + 1, 6)), np.empty((n_pixels + 2, 2), np.int64)
     stack = np.empty((2 * n_pixels + 4, 2), np.int64)
-    cuts = np.empty(n_pixels + 2, np.int64)
     found = 0
     for p in range(n_profiles):
-        m = 0
-        for u in range(n_pixels):
-            d = depth[p, u]
-            if np.isfinite(d):
-                # An isolated point, far from both neighbours in depth, is an outlier.
-                left = u > 0 and abs(depth[p, u - 1] - d) < cliff + 5.0 * sigma[p, u]
-                right = u + 1 < n_pixels and abs(depth[p, u + 1] - d) < cliff + 5.0 * sigma[p, u]
-                if not (left or right):
-                    continue
-                index[m] = u
-                q = 1.0 / d
-                w = d**4 / sigma[p, u] ** 2
-                s = slope[p, u]
-                sums[m + 1, 0] = sums[m, 0] + w
-                sums[m + 1, 1] = sums[m, 1] + w * s
-                sums[m + 1, 2] = sums[m, 2] + w * s * s
-                sums[m + 1, 3] = sums[m, 3] + w * q
-                sums[m + 1, 4] = sums[m, 4] + w * s * q
-                sums[m + 1, 5] = sums[m, 5] + w * q * q
-                m += 1
+        depth, slope, sigma = fan.depth_mm[p], fan.slope[p], fan.sigma_mm[p]
+        m = _running_sums(depth, slope, sigma, cliff, index, sums)
         start = 0
         while start < m:
             end = start + 1
             while end < m:
                 u, v = index[end - 1], index[end]
-                jump = abs(depth[p, v] - depth[p, u])
-                if v - u > max_gap + 1 or jump > cliff * (v - u) + 5.0 * sigma[p, v]:
+                jump = abs(depth[v] - depth[u])
+                if v - u > max_gap + 1 or jump > cliff * (v - u) + 5.0 * sigma[v]:
                     break
                 end += 1
+            n_cuts = 0
             if end - start >= least:
-                # Binary splitting leaves the cuts in order, because the left half is done first.
-                n_cuts, top = 1, 1
-                cuts[0] = start
-                stack[0, 0], stack[0, 1] = start, end
-                while top > 0:
-                    top -= 1
-                    a, b = stack[top, 0], stack[top, 1]
-                    split = False
-                    if b - a >= 2 * least:
-                        where, rss = _best_split(sums, a, b, least)
-                        gain = _line_rss(sums, a, b) - rss
-                        if where >= 0 and gain > split_gain + tolerance**2 * (b - a):
-                            stack[top, 0], stack[top, 1] = where, b
-                            stack[top + 1, 0], stack[top + 1, 1] = a, where
-                            top += 2
-                            split = True
-                    if not split:
-                        cuts[n_cuts] = b
-                        n_cuts += 1
-                # Each cut again, best between its neighbours; then cuts that win nothing go.
-                for _ in range(2):
-                    moved = False
-                    for c in range(1, n_cuts - 1):
-                        where, rss = _best_split(sums, cuts[c - 1], cuts[c + 1], least)
-                        if where >= 0 and where != cuts[c]:
-                            cuts[c] = where
-                            moved = True
-                    if not moved:
-                        break
-                c = 1
-                while c < n_cuts - 1:
-                    a, k, b = cuts[c - 1], cuts[c], cuts[c + 1]
-                    gain = _line_rss(sums, a, b) - _line_rss(sums, a, k) - _line_rss(sums, k, b)
-                    if gain <= split_gain + tolerance**2 * (b - a):
-                        for i in range(c, n_cuts - 1):
-                            cuts[i] = cuts[i + 1]
-                        n_cuts -= 1
-                    else:
-                        c += 1
-                for c in range(n_cuts - 1):
-                    a, b = cuts[c], cuts[c + 1]
-                    if b - a < least:
-                        continue
-                    table[found, 0] = p
-                    table[found, 1] = index[a]
-                    table[found, 2] = index[b - 1]
-                    table[found, 3] = b - a
-                    for i in range(6):
-                        numbers[found, i] = sums[b, i] - sums[a, i]
-                    s_a, s_b = slope[p, index[a]], slope[p, index[b - 1]]
-                    numbers[found, 6] = min(s_a, s_b)
-                    numbers[found, 7] = max(s_a, s_b)
-                    found += 1
+                n_cuts = _cut(
+                    sums, start, end, least, split_gain, tolerance, stack, best_of, cuts
+                )
+            for c in range(n_cuts - 1):
+                a, b = cuts[c], cuts[c + 1]
+                if b - a < least:
+                    continue
+                table[found, 0] = p
+                table[found, 1] = index[a]
+                table[found, 2] = index[b - 1]
+                table[found, 3] = b - a
+                for i in range(6):
+                    numbers[found, i] = sums[b, i] - sums[a, i]
+                s_a, s_b = slope[index[a]], slope[index[b - 1]]
+                numbers[found, 6] = min(s_a, s_b)
+                numbers[found, 7] = max(s_a, s_b)
+                found += 1
             start = end
     return found
