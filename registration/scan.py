@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+IndexArray = NDArray[np.int32]  # where there is one for every point: half the memory to walk
 
 
 LEAST_ALONG_X = (

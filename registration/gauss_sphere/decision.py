@@ -157,7 +157,8 @@ def transforms(poses: list[Settled]) -> RigidTransform:
     matrix[:, 3, 3] = 1.0
     matrix[:, :3, :3] = [pose.rotation for pose in poses]
     matrix[:, :3, 3] = [pose.shift_mm for pose in poses]
-    return RigidTransform.from_matrix(matrix)
+    # As they are: refined poses are rotations to the last bits, and to check it costs more.
+    return RigidTransform(matrix, normalize=False)
 
 
 def uncertainty(

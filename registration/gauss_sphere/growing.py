@@ -9,7 +9,7 @@ from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.patches import Patches, fit_patches
 from registration.gauss_sphere.segments import Segments
 from registration.kernels import compiled
-from registration.scan import FloatArray, IntArray
+from registration.scan import FloatArray, IndexArray, IntArray
 
 
 def find_patches(fan: Fan, segments: Segments, params: PatchParams) -> Patches:
@@ -18,10 +18,10 @@ def find_patches(fan: Fan, segments: Segments, params: PatchParams) -> Patches:
     return fit_patches(fan, label, n_patches, params)
 
 
-def labels(fan: Fan, segments: Segments, params: PatchParams) -> tuple[IntArray, int]:
+def labels(fan: Fan, segments: Segments, params: PatchParams) -> tuple[IndexArray, int]:
     """(profiles, pixels) patch of each point, -1 for none, and the number of patches."""
     owner, n_patches = grow(fan, segments, params)
-    label = np.full(fan.depth_mm.shape, -1, dtype=np.int64)
+    label = np.full(fan.depth_mm.shape, -1, dtype=np.int32)
     _paint_segments(segments, owner, fan.depth_mm, params.edge_pixels, label)
     return label, n_patches
 
@@ -164,7 +164,7 @@ def _keep_large(segments: Segments, owner: IntArray, min_points: int, min_profil
 
 @compiled
 def _paint_segments(
-    segments: Segments, owner: IntArray, depth: FloatArray, edge: int, label: IntArray
+    segments: Segments, owner: IntArray, depth: FloatArray, edge: int, label: IndexArray
 ) -> None:
     profile, first, last = segments.profile, segments.first, segments.last
     for i in range(profile.size):

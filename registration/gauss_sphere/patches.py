@@ -10,9 +10,9 @@ from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.calibrated import DEPTH, NOTHING_KNOWN, Known
 from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.plane_fit import about_centroid, fit_plane
-from registration.gauss_sphere.points import beams_of, points_by_label
+from registration.gauss_sphere.points import beams_of, gathered
 from registration.kernels import compiled
-from registration.scan import FloatArray, IntArray
+from registration.scan import FloatArray, IndexArray, IntArray
 
 
 class Patches(NamedTuple):
@@ -37,12 +37,12 @@ class Patches(NamedTuple):
     n_points: IntArray
     area_mm2: FloatArray
     chi2: FloatArray
-    label: IntArray
+    label: IndexArray
 
 
 def fit_patches(
     fan: Fan,
-    label: IntArray,
+    label: IndexArray,
     n_patches: int,
     params: PatchParams,
     known: Known = NOTHING_KNOWN,
@@ -73,7 +73,7 @@ def fit_patches(
 def _fit_planes(
     fan: Fan,
     measured: FloatArray,
-    label: IntArray,
+    label: IndexArray,
     n_patches: int,
     known: Known,
     turns: int,
@@ -82,19 +82,20 @@ def _fit_planes(
     min_points: int,
 ) -> Patches:
     """Points farther off than gate standard deviations lose their label."""
-    rows, pixels, starts = points_by_label(label, n_patches)
+    points = gathered(fan, measured, label, n_patches)
+    start, place, depth = points.start, points.place, fan.depth_mm.reshape(-1)
     area_per_beam = _beam_area(fan)
-    kept = np.zeros(rows.size, np.bool_)
+    kept = np.zeros(place.size, np.bool_)
     planes, moments = np.zeros((n_patches, 4)), np.zeros((n_patches, 8))
     centre, basis = np.zeros((n_patches, 3)), np.zeros((n_patches, 2, 3))
     spread, covariance = np.zeros((n_patches, 2)), np.zeros((n_patches, 3, 3))
     g, area = np.zeros((3, 4)), np.zeros(n_patches)
     least = max(min_points, 4)
     for i in range(n_patches):
-        a, b = starts[i], starts[i + 1]
+        a, b = start[i], start[i + 1]
         if b - a < least:
             continue
-        beams = beams_of(fan, measured, rows[a:b], pixels[a:b])
+        beams = beams_of(points, i)
         if not fit_plane(
             beams, fan.lean, fan.apex_mm[2], known, turns, gate, rounds, kept[a:b], planes[i],
             centre[i], basis[i, 0], basis[i, 1], g, moments[i],
@@ -112,17 +113,17 @@ def _fit_planes(
             planes[i, 3] += planes[i, 1] * fan.apex_mm[1] + planes[i, 2] * fan.apex_mm[2]
         if known.given and area[i] > 0.0:
             for j in range(a, b):
-                fan.depth_mm[rows[j], pixels[j]] = beams[DEPTH, j - a]
+                depth[place[j]] = beams[DEPTH, j - a]
     order = np.argsort(-area, kind="mergesort")[: np.count_nonzero(area > 0.0)]
     renumber = np.full(n_patches, -1)
     renumber[order] = np.arange(order.size)
-    new_label = np.full(label.shape, -1)
+    new_label = np.full(label.size, -1, np.int32)
     for i in range(n_patches):
         if renumber[i] < 0:
             continue
-        for j in range(starts[i], starts[i + 1]):
+        for j in range(start[i], start[i + 1]):
             if kept[j]:
-                new_label[rows[j], pixels[j]] = renumber[i]
+                new_label[place[j]] = renumber[i]
     counted = moments[order]
     return Patches(
         planes[order, :3].copy(),
@@ -134,7 +135,7 @@ def _fit_planes(
         counted[:, 0].astype(np.int64),
         area[order],
         counted[:, 6] / counted[:, 0],
-        new_label,
+        new_label.reshape(label.shape),
     )
 
 

@@ -11,15 +11,15 @@ import numpy as np
 from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.calibrated import DEPTH, SIGMA, Known, take_bias, take_lateral_bias
 from registration.gauss_sphere.plane_fit import sample_of, settled_plane
-from registration.gauss_sphere.points import beams_of, points_by_label
+from registration.gauss_sphere.points import beams_of, gathered
 from registration.kernels import compiled
-from registration.scan import FloatArray, IntArray
+from registration.scan import FloatArray, IndexArray
 
 SCALE_SAMPLE = 500  # points that tell the noise of a scan from that of the calibration
 
 
 def straightened(
-    fan: Fan, label: IntArray, n_patches: int, known: Known, turns: int
+    fan: Fan, label: IndexArray, n_patches: int, known: Known, turns: int
 ) -> tuple[Fan, Known]:
     """A fan without the bias, and with the noise that goes with the inclination.
 
@@ -40,33 +40,29 @@ def straightened(
 @compiled
 def _straighten(
     fan: Fan,
-    label: IntArray,
+    label: IndexArray,
     n_patches: int,
     known: Known,
     turns: int,
     depth: FloatArray,
     sigma: FloatArray,
 ) -> float:
-    rows, pixels, starts = points_by_label(label, n_patches)
-    plane = np.zeros(4)
+    points, plane = gathered(fan, fan.depth_mm, label, n_patches), np.zeros(4)
+    all_depth, all_sigma, place = depth.reshape(-1), sigma.reshape(-1), points.place
     for i in range(n_patches):
-        a, b = starts[i], starts[i + 1]
-        if b - a < 4:
+        beams, first = beams_of(points, i), points.start[i]
+        if beams.shape[1] < 4:
             continue
-        beams = beams_of(fan, fan.depth_mm, rows[a:b], pixels[a:b])
         settled_plane(sample_of(beams), fan.lean, fan.apex_mm[2], known, turns, plane)
         take_bias(beams, plane, fan.apex_mm[2], known)
-        for j in range(a, b):
-            depth[rows[j], pixels[j]] = beams[DEPTH, j - a]
-            sigma[rows[j], pixels[j]] = beams[SIGMA, j - a]
-    if rows.size == 0:
+        for j in range(beams.shape[1]):
+            all_depth[place[first + j]] = beams[DEPTH, j]
+            all_sigma[place[first + j]] = beams[SIGMA, j]
+    if place.size == 0:
         return 1.0
-    stride = max(rows.size // SCALE_SAMPLE, 1)
-    ratio = np.empty((rows.size + stride - 1) // stride)
-    for j in range(ratio.size):
-        p, u = rows[j * stride], pixels[j * stride]
-        ratio[j] = fan.sigma_mm[p, u] / sigma[p, u]
-    scale = float(np.median(ratio))
-    for j in range(rows.size):
-        sigma[rows[j], pixels[j]] *= scale
+    seen = fan.sigma_mm.reshape(-1)[place[:: max(place.size // SCALE_SAMPLE, 1)]]
+    foretold = all_sigma[place[:: max(place.size // SCALE_SAMPLE, 1)]]
+    scale = float(np.median(seen / foretold))
+    for j in place:
+        all_sigma[j] *= scale
     return scale

@@ -13,14 +13,16 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.params import VerificationParams
 from registration.gauss_sphere.patches import Patches
 from registration.kernels import compiled
-from registration.scan import FloatArray, IntArray
+from registration.scan import FloatArray, IndexArray, IntArray
 
 SUPPORT, CONTRADICTION, HIDDEN, OUTSIDE = range(4)
+SEEN, NEAREST, PATCH = range(3)  # columns of a view's image
 GOLDEN_RATIO = 0.6180339887498949
 CELLS_PER_PIXEL = 8
 
@@ -28,7 +30,9 @@ CELLS_PER_PIXEL = 8
 class View(NamedTuple):
     """A scan ready to be compared: its image of patches and a sample of its points.
 
-    nearest_mm: (profiles, pixels) least of the nine depths there, -inf where one is missing.
+    image: (profiles * pixels, 3) depth in mm, least of the nine depths there, -inf where one is
+        missing, and patch, -1 for none. Side by side and in single precision, because every
+        comparison looks them up all over the view.
     pixel_of: (cells,) pixel of each cell of slope; slope_low, cells_per_slope: where they lie.
     sample_mm: (n, 3) points on the patches, in random order; sample_patch: (n,) theirs;
     sample_area: (n,) mm^2 that each stands for.
@@ -36,7 +40,7 @@ class View(NamedTuple):
 
     fan: Fan
     patches: Patches
-    nearest_mm: FloatArray
+    image: NDArray[np.float32]
     pixel_of: IntArray
     slope_low: float
     cells_per_slope: float
@@ -94,24 +98,31 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray) -> View:
             seen += 1
     for j in range(n):
         area[j] = patches.area_mm2[patch[j]] / sampled[patch[j]]
-    nearest = _nearest(fan.depth_mm)
-    return View(fan, patches, nearest, pixel_of, slope_low, cells_per_slope, points, patch, area)
+    image = _image(fan.depth_mm, label)
+    return View(fan, patches, image, pixel_of, slope_low, cells_per_slope, points, patch, area)
 
 
 @compiled
-def _nearest(depth: FloatArray) -> FloatArray:
-    """The least of the nine depths around each; -inf where one is missing or beyond the scan."""
+def _image(depth: FloatArray, label: IndexArray) -> NDArray[np.float32]:
     rows, columns = depth.shape
-    beside, nearest = np.full(depth.shape, -np.inf), np.full(depth.shape, -np.inf)
-    for p in range(rows):
-        for u in range(1, columns - 1):
-            a, b, c = depth[p, u - 1], depth[p, u], depth[p, u + 1]
-            least = min(min(a, b), c)
-            beside[p, u] = least if np.isfinite(a + b + c) else -np.inf
-    for p in range(1, rows - 1):
+    image = np.empty((rows, columns, 3), np.float32)
+    beside = np.full((3, columns), -np.inf)  # least of three depths in a profile, of three profiles
+    least = np.empty(columns)
+    for p in range(rows + 1):
+        if p < rows:
+            for u in range(1, columns - 1):
+                a, b, c = depth[p, u - 1], depth[p, u], depth[p, u + 1]
+                beside[p % 3, u] = min(min(a, b), c) if np.isfinite(a + b + c) else -np.inf
+        else:
+            beside[p % 3] = -np.inf
+        if p == 0:
+            continue
         for u in range(columns):
-            nearest[p, u] = min(min(beside[p - 1, u], beside[p, u]), beside[p + 1, u])
-    return nearest
+            least[u] = min(min(beside[0, u], beside[1, u]), beside[2, u])
+        for u in range(columns):
+            image[p - 1, u, SEEN], image[p - 1, u, NEAREST] = depth[p - 1, u], least[u]
+            image[p - 1, u, PATCH] = label[p - 1, u]
+    return image.reshape(-1, 3)
 
 
 @compiled
@@ -217,8 +228,7 @@ def _compare(
     counts: IntArray,
     areas: FloatArray,
 ) -> None:
-    depth, nearest = seen_by.fan.depth_mm.reshape(-1), seen_by.nearest_mm.reshape(-1)
-    label = seen_by.patches.label.reshape(-1)
+    image = seen_by.image
     normal, offset = seen_by.patches.normal, seen_by.patches.offset_mm
     source_normal = points_of.patches.normal
     turned = np.empty_like(source_normal)
@@ -239,7 +249,7 @@ def _compare(
             continue
         # All that may be said is looked up, and the strongest word taken: branches cost more.
         wx, wy, wz, z = moved[0, j], moved[1, j], moved[2, j], moved[3, j]
-        i, k = label[b], points_of.sample_patch[j * stride]
+        i, k = np.int64(image[b, PATCH]), points_of.sample_patch[j * stride]
         on = max(i, 0)
         away = normal[on, 0] * wx + normal[on, 1] * wy + normal[on, 2] * wz - offset[on]
         cos = (
@@ -247,8 +257,8 @@ def _compare(
             + normal[on, 1] * turned[k, 1]
             + normal[on, 2] * turned[k, 2]
         )
-        says = HIDDEN if z > depth[b] + tolerance else OUTSIDE
-        says = CONTRADICTION if z + how.free_space_mm + tolerance < nearest[b] else says
+        says = HIDDEN if z > image[b, SEEN] + tolerance else OUTSIDE
+        says = CONTRADICTION if z + how.free_space_mm + tolerance < image[b, NEAREST] else says
         supports = (i >= 0) & (abs(away) < tolerance) & (cos > how.cos_tolerance)
         says = SUPPORT if supports else says
         areas[says] += area
