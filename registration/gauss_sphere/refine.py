@@ -6,9 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from registration.gauss_sphere.holding import hold, middle_of_pairs
 from registration.gauss_sphere.params import RefineParams
 from registration.gauss_sphere.patches import Patches
-from registration.gauss_sphere.plane_pairs import compare, no_difference, squared_distance
+from registration.gauss_sphere.plane_pairs import (
+    Difference,
+    compare,
+    no_difference,
+    squared_distance,
+)
 from registration.gauss_sphere.small_matrices import apply_step, solve_damped6
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
@@ -107,12 +113,14 @@ def widened(
     information: (6, 6) out, for a floor of floor_mm or more. doubt: how much more than the degrees
     of freedom the squared distances may sum to before it is more, in standard deviations.
     """
-    gradient, distance2 = np.empty(6), np.empty(pairs.shape[0])
+    gradient, distance2, difference = np.empty(6), np.empty(pairs.shape[0]), no_difference()
     freedom = max(3 * pairs.shape[0] - 6, 1)
     low, high = floor_mm, max(likely.widest_mm, floor_mm)
     floor = low
     for step in range(WIDENING_STEPS):
-        _accumulate(target, source, pairs, likely, floor, r, t, information, gradient, distance2)
+        _accumulate(
+            target, source, pairs, likely, floor, r, t, information, gradient, distance2, difference
+        )
         total = 0.0
         for d2 in distance2:
             total += min(d2, likely.capped_distance2)
@@ -137,7 +145,9 @@ def distances2(
 ) -> FloatArray:
     """(m,) squared Mahalanobis distances of pairs of planes (m, 2) under a pose."""
     hessian, gradient, distance2 = np.empty((6, 6)), np.empty(6), np.empty(pairs.shape[0])
-    _accumulate(target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2)
+    _accumulate(
+        target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2, no_difference()
+    )
     return distance2
 
 
@@ -173,11 +183,14 @@ def maximise(
     lower, planes_alone, step = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
     trial_r, trial_t = r.copy(), t.copy()
     damping = 1e-4
-    held = _middle(target, pairs)
+    held = middle_of_pairs(target, pairs)
     held_source = r.T @ (held - t)
-    cost = _accumulate(target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2)
+    difference = no_difference()
+    cost = _accumulate(
+        target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2, difference
+    )
     information[:] = hessian
-    _hold(held, held_source, likely.held_mm, r, t, hessian, gradient)
+    hold(held, held_source, likely.held_mm, r, t, hessian, gradient)
     for _ in range(likely.rounds):
         solve_damped6(hessian, gradient, damping, lower, step)
         # No step may turn further than the linearisation holds.
@@ -186,10 +199,11 @@ def maximise(
             step *= 0.2 / turn
         apply_step(step, r, t, trial_r, trial_t)
         trial = _accumulate(
-            target, source, pairs, likely, floor_mm, trial_r, trial_t, hessian, gradient, distance2
-        )
+            target, source, pairs, likely, floor_mm, trial_r, trial_t, hessian, gradient, distance2,
+            difference,
+        )  # fmt: skip
         planes_alone[:] = hessian
-        trial += _hold(held, held_source, likely.held_mm, trial_r, trial_t, hessian, gradient)
+        trial += hold(held, held_source, likely.held_mm, trial_r, trial_t, hessian, gradient)
         if trial <= cost:
             gain = cost - trial
             cost = trial
@@ -201,59 +215,13 @@ def maximise(
                 break
         else:
             damping *= 100.0
-            _accumulate(target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2)
-            _hold(held, held_source, likely.held_mm, r, t, hessian, gradient)
+            _accumulate(
+                target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2,
+                difference,
+            )  # fmt: skip
+            hold(held, held_source, likely.held_mm, r, t, hessian, gradient)
             if damping > 1e6:
                 break
-
-
-@compiled
-def _middle(target: Patches, pairs: IntArray) -> FloatArray:
-    """(3,) middle of the target's matched planes, in mm."""
-    middle, total = np.zeros(3), 0.0
-    for m in range(pairs.shape[0]):
-        area = target.area_mm2[pairs[m, 0]]
-        total += area
-        for u in range(3):
-            middle[u] += area * target.centroid_mm[pairs[m, 0], u]
-    return middle / max(total, 1e-12)
-
-
-@compiled
-def _hold(
-    held: FloatArray,
-    held_source: FloatArray,
-    held_mm: float,
-    r: FloatArray,
-    t: FloatArray,
-    hessian: FloatArray,
-    gradient: FloatArray,
-) -> float:
-    """Add to gradient and Hessian what holds a point of the source in its place; its cost.
-
-    held, held_source: (3,) where the point was in the target, and in the source's coordinates.
-    """
-    weight, cost = 1.0 / (held_mm * held_mm), 0.0
-    place, away = np.empty(3), np.empty(3)
-    for u in range(3):
-        place[u] = t[u]
-        for v in range(3):
-            place[u] += r[u, v] * held_source[v]
-        away[u] = place[u] - held[u]
-        cost += weight * away[u] * away[u]
-    # A perturbation (w, v) on the left moves the place by w x place + v.
-    jacobian = np.zeros((3, 6))
-    jacobian[0, 1], jacobian[0, 2] = place[2], -place[1]
-    jacobian[1, 0], jacobian[1, 2] = -place[2], place[0]
-    jacobian[2, 0], jacobian[2, 1] = place[1], -place[0]
-    for u in range(3):
-        jacobian[u, 3 + u] = 1.0
-    for u in range(3):
-        for i in range(6):
-            gradient[i] += weight * jacobian[u, i] * away[u]
-            for k in range(6):
-                hessian[i, k] += weight * jacobian[u, i] * jacobian[u, k]
-    return cost
 
 
 @compiled
@@ -268,13 +236,13 @@ def _accumulate(
     hessian: FloatArray,
     gradient: FloatArray,
     distance2: FloatArray,
+    difference: Difference,
 ) -> float:
-    """The cost of a pose, its gradient and Gauss-Newton Hessian."""
+    """The cost of a pose, its gradient and Gauss-Newton Hessian.  difference: to work in."""
     tail, tilt_floor = likely.tail, floor_mm / likely.lever_mm
     hessian[:] = 0.0
     gradient[:] = 0.0
     cost = 0.0
-    difference = no_difference()
     weight, pull, jacobian = difference.weight, difference.pull, difference.jacobian
     for m in range(pairs.shape[0]):
         i, k = pairs[m, 0], pairs[m, 1]

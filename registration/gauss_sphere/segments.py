@@ -215,9 +215,7 @@ def _segment_profiles(
                 end += 1
             n_cuts = 0
             if end - start >= least:
-                n_cuts = _cut(
-                    sums, start, end, least, split_gain, tolerance, stack, best_of, cuts
-                )
+                n_cuts = _cut(sums, start, end, least, split_gain, tolerance, stack, best_of, cuts)
             for c in range(n_cuts - 1):
                 a, b = cuts[c], cuts[c + 1]
                 if b - a < least:

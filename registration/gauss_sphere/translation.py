@@ -83,14 +83,17 @@ def _shifts(
     ea, wa = target.basis[:n_a], target.area_mm2[:n_a]
     nb, cb, sb = source.normal[:n_b], source.centroid_mm[:n_b], source.spread_mm[:n_b]
     eb, wb = source.basis[:n_b], source.area_mm2[:n_b]
+    outline_a, outline_b = np.empty((n_a, 3, 3)), np.empty((n_b, 3, 3))
+    unturned = np.eye(3)
+    for i in range(n_a):
+        _outline(unturned, ea[i], sa[i], search.reach, outline_a[i])
     kept_per_rotation = search.kept_per_rotation
     capacity = na.shape[0] * nb.shape[0]
     normal, delta = np.empty((capacity, 3)), np.empty(capacity)
     shift, inverse = np.empty((capacity, 3)), np.empty((capacity, 3, 3))
     weight, gate = np.empty(capacity), np.empty(capacity)
     mate_a, mate_b = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-    e = np.empty((2, 3))
-    t = np.empty(3)
+    t, work = np.empty(3), np.empty((3, 3))
     kept_t, kept_score = np.empty((kept_per_rotation, 3)), np.empty(kept_per_rotation)
     served = np.empty(max(na.shape[0], nb.shape[0]))
     found = 0
@@ -104,6 +107,7 @@ def _shifts(
             c0 = r[0, 0] * cb[k, 0] + r[0, 1] * cb[k, 1] + r[0, 2] * cb[k, 2]
             c1 = r[1, 0] * cb[k, 0] + r[1, 1] * cb[k, 1] + r[1, 2] * cb[k, 2]
             c2 = r[2, 0] * cb[k, 0] + r[2, 1] * cb[k, 1] + r[2, 2] * cb[k, 2]
+            _outline(r, eb[k], sb[k], search.reach, outline_b[k])
             for i in range(na.shape[0]):
                 if n0 * na[i, 0] + n1 * na[i, 1] + n2 * na[i, 2] < search.cos_tolerance:
                     continue
@@ -116,17 +120,7 @@ def _shifts(
                 # Across the normal the patches must overlap: an ellipse of both outlines.
                 for u in range(3):
                     for v in range(3):
-                        spread = 0.0
-                        for w in range(2):
-                            for x in range(3):
-                                e[w, x] = (
-                                    r[x, 0] * eb[k, w, 0]
-                                    + r[x, 1] * eb[k, w, 1]
-                                    + r[x, 2] * eb[k, w, 2]
-                                )
-                            spread += ea[i, w, u] * ea[i, w, v] * sa[i, w] ** 2
-                            spread += e[w, u] * e[w, v] * sb[k, w] ** 2
-                        inverse[m, u, v] = spread * search.reach * search.reach
+                        inverse[m, u, v] = outline_a[i, u, v] + outline_b[k, u, v]
                 gate[m] = search.distance_tolerance_mm + search.tilt_tolerance_rad * np.sqrt(
                     sa[i, 0] ** 2 + sa[i, 1] ** 2 + sb[k, 0] ** 2 + sb[k, 1] ** 2
                 )
@@ -150,14 +144,14 @@ def _shifts(
                 )
                 if abs(cos) > 0.97 or mate_a[p] == mate_a[q] or mate_b[p] == mate_b[q]:
                     continue
-                _fuse(shift, inverse, p, q, t)
+                _fuse(shift, inverse, p, q, work, t)
                 if not _agrees(shift, inverse, p, t) or not _agrees(shift, inverse, q, t):
                     continue
                 n_starts += 1
                 score = 0.0
                 for _ in range(2):
                     score = _refit(
-                        shift, inverse, normal, delta, gate, weight, mate_b, order, t, served
+                        shift, inverse, normal, delta, gate, weight, mate_b, order, t, served, work
                     )
                 n_kept = _keep(t, score, search.distinct_mm, kept_t, kept_score, n_kept)
                 if n_starts >= search.starts:
@@ -173,16 +167,41 @@ def _shifts(
 
 
 @compiled
-def _fuse(shift: FloatArray, inverse: FloatArray, p: int, q: int, t: FloatArray) -> None:
-    total = inverse[p] + inverse[q]
+def _outline(
+    r: FloatArray, basis: FloatArray, spread: FloatArray, reach: float, out: FloatArray
+) -> None:
+    """Scatter (3, 3) in mm^2 of a patch's outline, turned."""
+    out[:] = 0.0
+    for w in range(2):
+        size = spread[w] * reach
+        x = size * (r[0, 0] * basis[w, 0] + r[0, 1] * basis[w, 1] + r[0, 2] * basis[w, 2])
+        y = size * (r[1, 0] * basis[w, 0] + r[1, 1] * basis[w, 1] + r[1, 2] * basis[w, 2])
+        z = size * (r[2, 0] * basis[w, 0] + r[2, 1] * basis[w, 1] + r[2, 2] * basis[w, 2])
+        out[0, 0] += x * x
+        out[0, 1] += x * y
+        out[0, 2] += x * z
+        out[1, 1] += y * y
+        out[1, 2] += y * z
+        out[2, 2] += z * z
+    out[1, 0], out[2, 0], out[2, 1] = out[0, 1], out[0, 2], out[1, 2]
+
+
+@compiled
+def _fuse(
+    shift: FloatArray, inverse: FloatArray, p: int, q: int, total: FloatArray, t: FloatArray
+) -> None:
+    """The shift t on which two pairs of planes agree best.  total: (3, 3) to work in."""
+    r0, r1, r2 = 0.0, 0.0, 0.0
+    for v in range(3):
+        one, other = shift[p, v], shift[q, v]
+        r0 += inverse[p, 0, v] * one + inverse[q, 0, v] * other
+        r1 += inverse[p, 1, v] * one + inverse[q, 1, v] * other
+        r2 += inverse[p, 2, v] * one + inverse[q, 2, v] * other
+        for u in range(3):
+            total[u, v] = inverse[p, u, v] + inverse[q, u, v]
     invert_symmetric3(total, total)
-    rhs = np.empty(3)
     for u in range(3):
-        rhs[u] = 0.0
-        for v in range(3):
-            rhs[u] += inverse[p, u, v] * shift[p, v] + inverse[q, u, v] * shift[q, v]
-    for u in range(3):
-        t[u] = total[u, 0] * rhs[0] + total[u, 1] * rhs[1] + total[u, 2] * rhs[2]
+        t[u] = total[u, 0] * r0 + total[u, 1] * r1 + total[u, 2] * r2
 
 
 @compiled
@@ -209,8 +228,9 @@ def _refit(
     order: IntArray,
     t: FloatArray,
     served: FloatArray,
+    a: FloatArray,
 ) -> float:
-    """Least squares of the distances of all pairs that agree with t; returns their area."""
+    """Least squares of the distances of all pairs that agree with t; returns their area.  a: (3, 3) to work in."""
     served[:] = 0.0
     a00, a01, a02, a11, a12, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     b0, b1, b2 = 0.0, 0.0, 0.0
@@ -233,7 +253,6 @@ def _refit(
         b2 += d * n2
     # A direction that no plane fixes stays where the outlines put it.
     ridge = 1e-3 * (a00 + a11 + a22) + 1e-12
-    a = np.empty((3, 3))
     a[0, 0], a[0, 1], a[0, 2] = a00 + ridge, a01, a02
     a[1, 0], a[1, 1], a[1, 2] = a01, a11 + ridge, a12
     a[2, 0], a[2, 1], a[2, 2] = a02, a12, a22 + ridge
