@@ -18,6 +18,7 @@ PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
 DEPTH_BINS = 6
 DEPTH_CELLS = 512
 NOISE_PROFILES = 16  # enough for the noise to a few percent
+APEX_PROFILES = 40  # of a longer scan, for the apex
 MIN_TRIPLES_PER_BIN = 50
 MIN_SIGMA_MM = 0.02
 
@@ -101,7 +102,8 @@ def estimate_apex(scan: Scan) -> FloatArray:
     A pixel's points satisfy y = apex_y + s (z - apex_z) in all profiles; the intercepts of these
     lines over their slopes give the apex. Scans too flat to tell get nearly parallel beams.
     """
-    pixels = _pixel_lines(scan.points_mm, scan.origins_mm)
+    stride = max(scan.points_mm.shape[0] // APEX_PROFILES, 1)
+    pixels = _pixel_lines(scan.points_mm, scan.origins_mm, stride)
     # Below 5 mm of relief a slope is mostly rounding.
     used = (pixels.n >= 3) & (pixels.spread / np.maximum(pixels.n, 1.0) > 25.0)
     # Points absurdly far away, as marks of no return may be, overflow.
@@ -135,28 +137,34 @@ class _PixelLines(NamedTuple):
 
 
 @compiled
-def _pixel_lines(points: FloatArray, origins: FloatArray) -> _PixelLines:
-    n_profiles, n_pixels, _ = points.shape
-    n, mean_y, mean_z = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
-    spread, shared, least_z = np.zeros(n_pixels), np.zeros(n_pixels), np.inf
-    for p in range(n_profiles):
+def _pixel_lines(points: FloatArray, origins: FloatArray, stride: int) -> _PixelLines:
+    """The lines of all pixels, from every stride-th profile."""
+    n_pixels = points.shape[1]
+    n, first_y, first_z = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
+    sum_y, sum_z, sum_zz, sum_yz = np.zeros((4, n_pixels))
+    least_z = np.inf
+    for p in range(0, points.shape[0], stride):
         for u in range(n_pixels):
-            z = points[p, u, 2] - origins[p, 2]
-            if np.isfinite(z):
-                n[u] += 1.0
-                mean_y[u] += points[p, u, 1] - origins[p, 1]
-                mean_z[u] += z
-                least_z = min(least_z, z)
+            y, z = points[p, u, 1] - origins[p, 1], points[p, u, 2] - origins[p, 2]
+            if not np.isfinite(z):
+                continue
+            if n[u] == 0.0:
+                first_y[u], first_z[u] = y, z
+            # About the first of a pixel's points, so that small spreads keep their digits.
+            dy, dz = y - first_y[u], z - first_z[u]
+            n[u] += 1.0
+            sum_y[u] += dy
+            sum_z[u] += dz
+            sum_zz[u] += dz * dz
+            sum_yz[u] += dy * dz
+            least_z = min(least_z, z)
+    mean_y, mean_z = np.empty(n_pixels), np.empty(n_pixels)
     for u in range(n_pixels):
-        mean_y[u] /= max(n[u], 1.0)
-        mean_z[u] /= max(n[u], 1.0)
-    for p in range(n_profiles):
-        for u in range(n_pixels):
-            dz = points[p, u, 2] - origins[p, 2] - mean_z[u]
-            if np.isfinite(dz):
-                spread[u] += dz * dz
-                shared[u] += (points[p, u, 1] - origins[p, 1] - mean_y[u]) * dz
-    return _PixelLines(n, mean_y, mean_z, spread, shared, least_z)
+        dy, dz = sum_y[u] / max(n[u], 1.0), sum_z[u] / max(n[u], 1.0)
+        mean_y[u], mean_z[u] = first_y[u] + dy, first_z[u] + dz
+        sum_zz[u] -= dz * sum_z[u]
+        sum_yz[u] -= dy * sum_z[u]
+    return _PixelLines(n, mean_y, mean_z, sum_zz, sum_yz, least_z)
 
 
 def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from registration.gauss_sphere.calibrated import Known, look_up
+from registration.gauss_sphere.calibrated import Known, look_up, tangent_of
 from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import BendingParams, GaussSphereParams
@@ -207,18 +207,14 @@ def _add_view(
         if label[j] >= 0:
             chosen[n] = j
             n += 1
-    met, tangent, value = np.empty(n), np.empty(n), np.zeros((2, n))
+    met, tangent, value = np.empty(n), np.empty(n), np.zeros(n)
     for k in range(n):
         j, normal = chosen[k], patches.normal[label[chosen[k]]]
-        s = slope[j]
-        along = -(normal[1] * s + normal[2])
-        across2 = 1.0 + s * s - along * along
-        tangent[k] = np.sqrt(max(across2, 0.0)) / max(along, 1e-3)
+        tangent[k] = tangent_of(slope[j], normal)
         met[k] = depth[j]
     if known.given:
-        look_up(known.by_tangent, met, fan.apex_mm[2], tangent, value)
-        if known.lateral:
-            look_up(known.by_slope, met, fan.apex_mm[2], slope[chosen[:n]], value)
+        at = slope[chosen[:n]] if known.lateral else tangent
+        look_up(known.bias, met, fan.apex_mm[2], at, value)
     lean_y, lean_z = fan.lean
     row = np.empty(6)
     for k in range(n):
@@ -237,12 +233,12 @@ def _add_view(
         row[1] = row[0] * (x - centre[0])
         row[2] = row[0] * (s * foot + lean_y * x + fan.apex_mm[1] - centre[1])
         row[TAKEN_OUT], row[LATERAL], row[DEPTHS] = (
-            w * value[1, k], w * lateral, w * (depth[j] - foot),
+            w * value[k], w * lateral, w * (depth[j] - foot),
         )  # fmt: skip
         for u in range(6):
             for v in range(u + 1):
                 sums[i, u, v] += row[u] * row[v]
         weight[i] += w * w
         count[i] += 1.0
-        most_mm[0] = max(most_mm[0], abs(value[1, k]))
+        most_mm[0] = max(most_mm[0], abs(value[k]))
         most_mm[1] = max(most_mm[1], lateral)

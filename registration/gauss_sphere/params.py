@@ -53,7 +53,7 @@ class PatchParams:
     gate_sigma: float = 3.5
     fit_rounds: int = 2
     edge_pixels: int = 1
-    bias_rounds: int = 3
+    bias_rounds: int = 2
 
 
 @dataclass(frozen=True)

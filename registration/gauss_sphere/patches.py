@@ -10,7 +10,7 @@ from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.calibrated import DEPTH, NOTHING_KNOWN, Known
 from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.plane_fit import about_centroid, fit_plane
-from registration.gauss_sphere.points import beams_of, gathered
+from registration.gauss_sphere.points import beams_of, labelled
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
@@ -54,7 +54,8 @@ def fit_patches(
     a component along them; here the derivatives are taken at the foot of each point along its beam.
 
     With a calibration its bias is taken out of measured_mm (profiles, pixels) by the very planes
-    that are fitted, and the corrected depths of their points are written to fan.depth_mm.
+    that are fitted, from fan.depth_mm as straightening left it on; the corrected depths of their
+    points are written there.
     """
     return _fit_planes(
         fan,
@@ -62,7 +63,6 @@ def fit_patches(
         label,
         n_patches,
         known,
-        params.bias_rounds,
         params.gate_sigma,
         params.fit_rounds,
         params.min_points,
@@ -76,13 +76,12 @@ def _fit_planes(
     label: IndexArray,
     n_patches: int,
     known: Known,
-    turns: int,
     gate: float,
     rounds: int,
     min_points: int,
 ) -> Patches:
     """Points farther off than gate standard deviations lose their label."""
-    points = gathered(fan, measured, label, n_patches)
+    points = labelled(label, n_patches)
     start, place, depth = points.start, points.place, fan.depth_mm.reshape(-1)
     area_per_beam = _beam_area(fan)
     kept = np.zeros(place.size, np.bool_)
@@ -95,9 +94,9 @@ def _fit_planes(
         a, b = start[i], start[i + 1]
         if b - a < least:
             continue
-        beams = beams_of(points, i)
+        beams = beams_of(fan, measured, points, i)
         if not fit_plane(
-            beams, fan.lean, fan.apex_mm[2], known, turns, gate, rounds, kept[a:b], planes[i],
+            beams, fan.lean, fan.apex_mm[2], known, gate, rounds, kept[a:b], planes[i],
             centre[i], basis[i, 0], basis[i, 1], g, moments[i],
         ):  # fmt: skip
             continue

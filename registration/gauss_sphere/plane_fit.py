@@ -64,32 +64,11 @@ def sampled(k: int, n: int) -> int:
 
 
 @compiled
-def settled_plane(
-    beams: FloatArray,
-    lean: FloatArray,
-    apex_z_mm: float,
-    known: Known,
-    turns: int,
-    plane: FloatArray,
-) -> None:
-    """The plane of some beams; with a calibration, what agrees with its own bias.
-
-    The bias tilts a plane, by whose tilt it is known: in turns they settle.
-    """
-    first_plane(beams, lean, plane)
-    if known.given:
-        for _ in range(turns):
-            take_bias(beams, plane, apex_z_mm, known)
-            first_plane(beams, lean, plane)
-
-
-@compiled
 def fit_plane(
     beams: FloatArray,
     lean: FloatArray,
     apex_z_mm: float,
     known: Known,
-    turns: int,
     gate: float,
     rounds: int,
     kept: BoolArray,
@@ -109,7 +88,7 @@ def fit_plane(
     """
     step, sample = np.zeros(3), sample_of(beams)
     sample_kept = np.empty(sample.shape[1], np.bool_)
-    settled_plane(sample, lean, apex_z_mm, known, turns, plane)
+    first_plane(sample, lean, plane)
     mean_x, mean_y, mean_z = sample[X].mean(), 0.0, sample[DEPTH].mean()
     for j in range(sample.shape[1]):
         mean_y += sample[SLOPE, j] * sample[DEPTH, j]

@@ -12,50 +12,47 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
 
-class Gathered(NamedTuple):
-    """All labelled points (n,), label by label.
+class Labelled(NamedTuple):
+    """Where the labelled points (n,) of a scan are, label by label.
 
-    start: (labels + 1,) the first point of each label.  place: (n,) where in the scan, profile by
-    profile, a point lies.  beams: (5 n,) a block (5, points) a label, as beams_of gives it.
+    start: (labels + 1,) the first point of each label.  profile: (n,) of each point; place: (n,)
+    its index in the scan, profile by profile.
     """
 
     start: IntArray
+    profile: IndexArray
     place: IndexArray
-    beams: FloatArray
 
 
 @compiled
-def gathered(fan: Fan, measured: FloatArray, label: IndexArray, n_labels: int) -> Gathered:
-    """Gather the labelled points of a scan; measured: (profiles, pixels) depths as measured."""
+def labelled(label: IndexArray, n_labels: int) -> Labelled:
+    """Gather the points of each label of a scan (profiles, pixels)."""
     start = np.zeros(n_labels + 1, np.int64)
-    of_point = label.reshape(-1)
+    of_point, n_pixels = label.reshape(-1), label.shape[1]
     for i in of_point:
         if i >= 0:
             start[i + 1] += 1
     for i in range(n_labels):
         start[i + 1] += start[i]
-    filled, n_pixels = start[:-1].copy(), label.shape[1]
-    place, beams = np.empty(start[-1], np.int32), np.empty(5 * start[-1])
-    slope, depth, sigma = fan.slope.reshape(-1), fan.depth_mm.reshape(-1), fan.sigma_mm.reshape(-1)
-    all_measured = measured.reshape(-1)
+    filled = start[:-1].copy()
+    profile, place = np.empty(start[-1], np.int32), np.empty(start[-1], np.int32)
     for p in range(label.shape[0]):
         for j in range(p * n_pixels, (p + 1) * n_pixels):
             i = of_point[j]
-            if i < 0:
-                continue
-            k, n = filled[i], start[i + 1] - start[i]
-            at = 4 * start[i] + k
-            beams[at + X * n], beams[at + SLOPE * n], beams[at + DEPTH * n] = (
-                fan.x_mm[p], slope[j], depth[j],
-            )  # fmt: skip
-            beams[at + SIGMA * n], beams[at + MEASURED * n] = sigma[j], all_measured[j]
-            place[k] = j
-            filled[i] = k + 1
-    return Gathered(start, place, beams)
+            if i >= 0:
+                profile[filled[i]], place[filled[i]] = p, j
+                filled[i] += 1
+    return Labelled(start, profile, place)
 
 
 @compiled
-def beams_of(points: Gathered, i: int) -> FloatArray:
+def beams_of(fan: Fan, measured: FloatArray, points: Labelled, i: int) -> FloatArray:
     """(5, n) position, slope, depth, standard deviation and measured depth of a label's points."""
-    a, b = points.start[i], points.start[i + 1]
-    return points.beams[5 * a : 5 * b].reshape(5, b - a)
+    first, beams = points.start[i], np.empty((5, points.start[i + 1] - points.start[i]))
+    slope, depth, sigma = fan.slope.reshape(-1), fan.depth_mm.reshape(-1), fan.sigma_mm.reshape(-1)
+    all_measured = measured.reshape(-1)
+    for j in range(beams.shape[1]):
+        k = points.place[first + j]
+        beams[X, j], beams[SLOPE, j] = fan.x_mm[points.profile[first + j]], slope[k]
+        beams[DEPTH, j], beams[SIGMA, j], beams[MEASURED, j] = depth[k], sigma[k], all_measured[k]
+    return beams

@@ -9,9 +9,16 @@ from __future__ import annotations
 import numpy as np
 
 from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.calibrated import DEPTH, SIGMA, Known, take_bias, take_lateral_bias
-from registration.gauss_sphere.plane_fit import sample_of, settled_plane
-from registration.gauss_sphere.points import beams_of, gathered
+from registration.gauss_sphere.calibrated import (
+    DEPTH,
+    SIGMA,
+    Known,
+    take_bias,
+    take_lateral_bias,
+    take_noise,
+)
+from registration.gauss_sphere.plane_fit import first_plane, sample_of
+from registration.gauss_sphere.points import beams_of, labelled
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray
 
@@ -47,14 +54,15 @@ def _straighten(
     depth: FloatArray,
     sigma: FloatArray,
 ) -> float:
-    points, plane = gathered(fan, fan.depth_mm, label, n_patches), np.zeros(4)
+    points, plane = labelled(label, n_patches), np.zeros(4)
     all_depth, all_sigma, place = depth.reshape(-1), sigma.reshape(-1), points.place
     for i in range(n_patches):
-        beams, first = beams_of(points, i), points.start[i]
+        beams, first = beams_of(fan, fan.depth_mm, points, i), points.start[i]
         if beams.shape[1] < 4:
             continue
-        settled_plane(sample_of(beams), fan.lean, fan.apex_mm[2], known, turns, plane)
+        _settled_plane(sample_of(beams), fan.lean, fan.apex_mm[2], known, turns, plane)
         take_bias(beams, plane, fan.apex_mm[2], known)
+        take_noise(beams, plane, fan.apex_mm[2], known)
         for j in range(beams.shape[1]):
             all_depth[place[first + j]] = beams[DEPTH, j]
             all_sigma[place[first + j]] = beams[SIGMA, j]
@@ -66,3 +74,22 @@ def _straighten(
     for j in place:
         all_sigma[j] *= scale
     return scale
+
+
+@compiled
+def _settled_plane(
+    beams: FloatArray,
+    lean: FloatArray,
+    apex_z_mm: float,
+    known: Known,
+    turns: int,
+    plane: FloatArray,
+) -> None:
+    """The plane of some beams that agrees with its own bias.
+
+    The bias tilts a plane, by whose tilt it is known: in turns they settle.
+    """
+    first_plane(beams, lean, plane)
+    for _ in range(turns):
+        take_bias(beams, plane, apex_z_mm, known)
+        first_plane(beams, lean, plane)
