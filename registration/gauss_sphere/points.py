@@ -29,19 +29,19 @@ def labelled(label: IndexArray, n_labels: int) -> Labelled:
     """Gather the points of each label of a scan (profiles, pixels)."""
     start = np.zeros(n_labels + 1, np.int64)
     of_point, n_pixels = label.reshape(-1), label.shape[1]
-    for i in of_point:
-        if i >= 0:
-            start[i + 1] += 1
+    for own in of_point:
+        if own >= 0:
+            start[own + 1] += 1
     for i in range(n_labels):
         start[i + 1] += start[i]
     filled = start[:-1].copy()
     profile, place = np.empty(start[-1], np.int32), np.empty(start[-1], np.int32)
     for p in range(label.shape[0]):
         for j in range(p * n_pixels, (p + 1) * n_pixels):
-            i = of_point[j]
-            if i >= 0:
-                profile[filled[i]], place[filled[i]] = p, j
-                filled[i] += 1
+            own = of_point[j]
+            if own >= 0:
+                profile[filled[own]], place[filled[own]] = p, j
+                filled[own] += 1
     return Labelled(start, profile, place)
 
 

@@ -230,7 +230,10 @@ def _refit(
     served: FloatArray,
     a: FloatArray,
 ) -> float:
-    """Least squares of the distances of all pairs that agree with t; returns their area.  a: (3, 3) to work in."""
+    """Least squares of the distances of all pairs that agree with t; returns their area.
+
+    a: (3, 3) to work in.
+    """
     served[:] = 0.0
     a00, a01, a02, a11, a12, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     b0, b1, b2 = 0.0, 0.0, 0.0

@@ -106,22 +106,21 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray) -> View:
 def _image(depth: FloatArray, label: IndexArray) -> NDArray[np.float32]:
     rows, columns = depth.shape
     image = np.empty((rows, columns, 3), np.float32)
-    beside = np.full((3, columns), -np.inf)  # least of three depths in a profile, of three profiles
-    least = np.empty(columns)
-    for p in range(rows + 1):
-        if p < rows:
+    # The least of three depths in a profile, of the three latest profiles.
+    beside = np.full((3, columns), -np.inf)
+    for latest in range(rows + 1):
+        row = beside[latest % 3]
+        row[:] = -np.inf
+        if latest < rows:
             for u in range(1, columns - 1):
-                a, b, c = depth[p, u - 1], depth[p, u], depth[p, u + 1]
-                beside[p % 3, u] = min(min(a, b), c) if np.isfinite(a + b + c) else -np.inf
-        else:
-            beside[p % 3] = -np.inf
-        if p == 0:
+                a, b, c = depth[latest, u - 1], depth[latest, u], depth[latest, u + 1]
+                row[u] = min(min(a, b), c) if np.isfinite(a + b + c) else -np.inf
+        if latest == 0:
             continue
+        p = latest - 1
         for u in range(columns):
-            least[u] = min(min(beside[0, u], beside[1, u]), beside[2, u])
-        for u in range(columns):
-            image[p - 1, u, SEEN], image[p - 1, u, NEAREST] = depth[p - 1, u], least[u]
-            image[p - 1, u, PATCH] = label[p - 1, u]
+            image[p, u, SEEN], image[p, u, PATCH] = depth[p, u], label[p, u]
+            image[p, u, NEAREST] = min(min(beside[0, u], beside[1, u]), beside[2, u])
     return image.reshape(-1, 3)
 
 
@@ -249,7 +248,7 @@ def _compare(
             continue
         # All that may be said is looked up, and the strongest word taken: branches cost more.
         wx, wy, wz, z = moved[0, j], moved[1, j], moved[2, j], moved[3, j]
-        i, k = np.int64(image[b, PATCH]), points_of.sample_patch[j * stride]
+        i, k = int(image[b, PATCH]), points_of.sample_patch[j * stride]
         on = max(i, 0)
         away = normal[on, 0] * wx + normal[on, 1] * wy + normal[on, 2] * wz - offset[on]
         cos = (
