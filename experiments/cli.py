@@ -39,7 +39,7 @@ def _main(options: argparse.Namespace) -> int:
     # Everything below imports numpy and more; help and usage errors must not wait for that.
     from harness.config import experiment_kind, load_experiment
     from harness.config_errors import ConfigError
-    from harness.pool import start_server
+    from harness.fork_server import start_server
     from harness.threads import limit_threads
 
     limit_threads()
@@ -52,9 +52,10 @@ def _main(options: argparse.Namespace) -> int:
         if options.config is not None and experiment_kind(options.config) == CHAPTERS:
             return _run_chapters(options)
         if options.config is not None:
-            load_experiment(options.config, options.set, options.seed)
+            experiment = load_experiment(options.config, options.set, options.seed)
             if not (options.dry_run or options.trial or options.show_scene or options.export):
-                start_server()  # it imports while this process does
+                drawn = experiment.sweep is None and any(m.figures for m in experiment.methods)
+                start_server(drawn)  # it imports while this process does
         elif not (options.show_scene or options.register or options.compare):
             raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     except ConfigError as error:

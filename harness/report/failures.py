@@ -13,9 +13,9 @@ import pandas as pd
 
 from harness.random_groups import within
 from harness.report.faults import stage_at_fault
+from harness.report.folder import still_path
 from harness.report.markup import escaped, table_markup
 from harness.report.offered import worst_first
-from harness.report.records import still_path
 from harness.report.thumbnail import GAP, HEIGHT, WIDTH
 from harness.scoring import COARSE
 from harness.sweep_tables import PREFIX, short_names, swept_keys
