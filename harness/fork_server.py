@@ -9,8 +9,8 @@ from multiprocessing import forkserver, resource_tracker
 from harness.threads import limit_threads
 
 TRIALS = ["harness.preload"]
-# They bring matplotlib and trimesh, which trials that are not drawn need not wait for.
-DRAWING = ["harness.clouds", "harness.figures"]
+# They bring matplotlib, pandas and trimesh, which trials that are not drawn need not wait for.
+DRAWING = ["harness.figures", "harness.overview"]
 
 
 def start_server(draws: bool = True) -> None:
