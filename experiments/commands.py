@@ -144,6 +144,8 @@ def replay(trials: Sequence[Trial], identity: str) -> int:
     console = make_console()
     console.print(f"trial {trial.id}: {trial_name(trial)}", markup=False)
     console.print(outcome(row), markup=False, soft_wrap=True)
+    for note in row.notes:
+        console.print(f"note       {note}", markup=False, soft_wrap=True)
     for name, pose in (("exact", row.T_exact), ("estimated", row.T_estimated)):
         if pose is not None:
             six = six_parameters(pose)

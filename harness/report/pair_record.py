@@ -75,6 +75,7 @@ def write_pair(pair: PairView, known: Surroundings | None, folder: Path) -> dict
         "views": {"target": pair.target_view, "source": pair.source_view},
         "status": pair.result.status,
         "reason": pair.result.reason,
+        "notes": list(pair.result.notes),
         "error": error,
         "overlap": pair.overlap if known is not None else None,
         "files": files,

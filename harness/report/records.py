@@ -67,7 +67,7 @@ def provided(
     removed.
     """
     outcomes = {
-        row["id"]: (row["status"], row["rotation_error_deg"])
+        row["id"]: (row["status"], row["notes"], row["rotation_error_deg"])
         for row in rows[rows["id"].isin(list(identities))].to_dict("records")
     }
     records = {identity: _load(folder, identity) for identity in identities}
@@ -97,10 +97,10 @@ def _load(folder: Path, identity: str) -> dict[str, Any] | None:
     return record if all(file.exists() for file in [*files, still_path(folder, identity)]) else None
 
 
-def _agrees(record: Mapping[str, Any], status: str, rotation_error_deg: float) -> bool:
+def _agrees(record: Mapping[str, Any], status: str, notes: str, rotation_error_deg: float) -> bool:
     """Whether a record is that of a row; NaN is a row without an estimate."""
     error = record["error"]
-    if record["status"] != status:
+    if (record["status"], record.get("notes")) != (status, notes.splitlines()):
         return False
     return math.isnan(rotation_error_deg) if error is None else error[0] == rotation_error_deg
 
