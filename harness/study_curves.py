@@ -27,7 +27,8 @@ from harness.study_numbers import (
     record_formats,
     record_of,
 )
-from harness.sweep_tables import PREFIX, short_names, swept_keys
+from harness.sweep import short_names
+from harness.sweep_tables import PREFIX, swept_keys
 from harness.table_files import Table
 from registration.scan import FloatArray
 

@@ -19,7 +19,8 @@ from harness.report.markup import escaped, table_markup
 from harness.report.offered import worst_first
 from harness.report.thumbnail import GAP, HEIGHT, WIDTH
 from harness.scoring import COARSE
-from harness.sweep_tables import PREFIX, short_names, swept_keys
+from harness.sweep import short_names
+from harness.sweep_tables import PREFIX, swept_keys
 from harness.table_files import Table
 
 Command = Sequence[str]  # "run-experiment configs/desk.yaml ...", word by word
