@@ -9,8 +9,12 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from experiments.arguments import make_parser
+
+if TYPE_CHECKING:  # help and usage errors must not wait for it
+    from harness.config import AnyExperiment
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 CHAPTERS = "chapters"  # experiments.chapters.KIND, likewise
@@ -43,6 +47,7 @@ def _main(options: argparse.Namespace) -> int:
     from harness.threads import limit_threads
 
     limit_threads()
+    experiment = None
     try:
         _check_register(options)
         if options.list:
@@ -64,7 +69,7 @@ def _main(options: argparse.Namespace) -> int:
     from harness.store import StoreError
 
     try:
-        return _run(options)
+        return _run(options, experiment)
     except (ConfigError, StoreError, ClusterError) as error:
         return _refuse(error)
 
@@ -174,7 +179,7 @@ def _find_own_methods() -> None:
         sys.path.append(str(Path.cwd()))
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace, experiment: AnyExperiment | None) -> int:
     _find_own_methods()
     if options.compare is not None:
         from experiments.compare_runs import compare
@@ -193,6 +198,7 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.show_scene is not None:
         return commands.show_scene(options.show_scene, options.config, options.out, options.set)
+    commands.tell_long_check(experiment)
     session = open_session(options.config, options.out, options.set, options.seed)
     if options.trial is not None:
         return commands.replay(session.trials, options.trial)
