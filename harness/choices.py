@@ -40,6 +40,8 @@ def joined_json(value: Any) -> str:
 
 def text_of(value: Any) -> str:
     """canonical_json of a value; a part that is shared by many trials keeps its own as `text`."""
+    if type(value) is int:  # the commonest, which need no encoder
+        return repr(value)
     text: str | None = getattr(value, "text", None)
     return canonical_json(value) if text is None else text
 
