@@ -1,9 +1,9 @@
 """How fast a sweep runs: trials a second, overhead, two workers against one, start, reading back.
 
-python benchmarks/sweep.py [--trials N] [--rows N] [--asked N]
+python benchmarks/sweep.py [--trials N] [--rows N] [--asked N] [--points N]
 
---asked is the size of a sweep at 1,000 points of which only the start is measured: the time to its
-first row and the memory of the process that drives it.
+--asked is the size of a sweep of which only the start is measured: the time to its first row and
+the memory of the process that drives it. --points is at how many different points it is.
 
 A trial is a 40 x 256 pair of the desk with all noise, scanned anew, registered and scored. Run it
 on an idle machine: everything else that runs makes all of it slower.
@@ -37,8 +37,6 @@ from harness.scoring import COARSE  # noqa: E402
 from harness.session import execute, open_session, plan  # noqa: E402
 from harness.store import Store, load  # noqa: E402
 from harness.trials import Trial  # noqa: E402
-
-POINTS = 1000  # of the sweep that is only begun
 
 CONFIG = """\
 title: Desk, two views
@@ -105,10 +103,10 @@ def first_row_s(file: Path) -> float:
     return taken
 
 
-def start_of(trials: int) -> None:
+def start_of(trials: int, most_points: int) -> None:
     """Print as JSON the seconds to the first row of a sweep and the MB that its driver took."""
     start = time.perf_counter()
-    points = min(POINTS, trials)
+    points = min(most_points, trials)
     with tempfile.TemporaryDirectory() as name:
         key = "methods.thesis.params.segments.warp_mm"
         values = "{distribution: uniform, from: 2, to: 8}"
@@ -124,9 +122,9 @@ def start_of(trials: int) -> None:
     print(json.dumps({"trials": len(session.trials), "seconds": seconds, "megabytes": most}))
 
 
-def started(trials: int) -> dict[str, float]:
+def started(trials: int, points: int) -> dict[str, float]:
     """start_of in a process of its own."""
-    command = [sys.executable, __file__, "--start-of", str(trials)]
+    command = [sys.executable, __file__, "--start-of", str(trials), "--points", str(points)]
     answer = subprocess.run(command, capture_output=True, text=True, check=True)
     found: dict[str, float] = json.loads(answer.stdout)
     return found
@@ -184,11 +182,12 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--rows", type=int, default=1_000_000)
     parser.add_argument("--asked", type=int, default=100_000)
+    parser.add_argument("--points", type=int, default=1000)
     parser.add_argument("--start-of", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--best-of", type=int, default=3)
     options = parser.parse_args()
     if options.start_of:
-        start_of(options.start_of)
+        start_of(options.start_of, options.points)
         return
     found: list[tuple[str, str, str]] = []
     with tempfile.TemporaryDirectory() as name:
@@ -209,7 +208,7 @@ def main() -> None:
         starts = [first_row_s(file) for _ in range(options.best_of)]
         found.append(("start to first trial", f"{min(starts):.1f} s", "under 3 s"))
     for trials in (1000, options.asked):
-        begun = started(trials)
+        begun = started(trials, options.points)
         told = f"{begun['seconds']:.1f} s, {begun['megabytes']:.0f} MB"
         found.append((f"{begun['trials']} trials: to the first row", told, "as much memory"))
     written_s, read_s, gigabytes = reading(options.rows)

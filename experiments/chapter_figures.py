@@ -17,7 +17,6 @@ from harness.figures_matching import (
     draw_patch_matching,
     telling_patches,
 )
-from harness.figures_planes import sorted_matches
 from harness.figures_shifts import draw_shifts
 from harness.figures_sphere import draw_gauss_spheres
 from harness.figures_superposition import draw_superposition
@@ -31,6 +30,7 @@ from harness.figures_views import (
     telling_profile,
 )
 from harness.overview import draw_superposed_pairs
+from harness.pair_matches import sorted_matches
 from harness.pair_view import PairView
 from registration.planar.pipeline import PlanarEvidence
 from registration.scan import Scan

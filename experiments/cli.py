@@ -9,8 +9,12 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from experiments.arguments import make_parser
+
+if TYPE_CHECKING:  # help and usage errors must not wait for it
+    from harness.config import AnyExperiment
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 CHAPTERS = "chapters"  # experiments.chapters.KIND, likewise
@@ -39,10 +43,11 @@ def _main(options: argparse.Namespace) -> int:
     # Everything below imports numpy and more; help and usage errors must not wait for that.
     from harness.config import experiment_kind, load_experiment
     from harness.config_errors import ConfigError
-    from harness.pool import start_server
+    from harness.fork_server import start_server
     from harness.threads import limit_threads
 
     limit_threads()
+    experiment = None
     try:
         _check_register(options)
         if options.list:
@@ -52,9 +57,10 @@ def _main(options: argparse.Namespace) -> int:
         if options.config is not None and experiment_kind(options.config) == CHAPTERS:
             return _run_chapters(options)
         if options.config is not None:
-            load_experiment(options.config, options.set, options.seed)
+            experiment = load_experiment(options.config, options.set, options.seed)
             if not (options.dry_run or options.trial or options.show_scene or options.export):
-                start_server()  # it imports while this process does
+                drawn = experiment.sweep is None and any(m.figures for m in experiment.methods)
+                start_server(drawn)  # it imports while this process does
         elif not (options.show_scene or options.register or options.compare):
             raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     except ConfigError as error:
@@ -63,7 +69,7 @@ def _main(options: argparse.Namespace) -> int:
     from harness.store import StoreError
 
     try:
-        return _run(options)
+        return _run(options, experiment)
     except (ConfigError, StoreError, ClusterError) as error:
         return _refuse(error)
 
@@ -173,7 +179,7 @@ def _find_own_methods() -> None:
         sys.path.append(str(Path.cwd()))
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace, experiment: AnyExperiment | None) -> int:
     _find_own_methods()
     if options.compare is not None:
         from experiments.compare_runs import compare
@@ -192,6 +198,7 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.show_scene is not None:
         return commands.show_scene(options.show_scene, options.config, options.out, options.set)
+    commands.tell_long_check(experiment)
     session = open_session(options.config, options.out, options.set, options.seed)
     if options.trial is not None:
         return commands.replay(session.trials, options.trial)

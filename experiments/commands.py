@@ -24,12 +24,14 @@ from experiments.terminal import (
     trial_name,
 )
 from harness.cluster import cluster_pool
+from harness.config import AnyExperiment
 from harness.config_errors import ConfigError, nearest
 from harness.pool import process_pool
 from harness.schema import Experiment
 from harness.scoring import six_parameters
 from harness.session import Plan, Session, draw_whole, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load
+from harness.sweep import MOST_POINTS, point_count
 from harness.table_files import Table
 from harness.trials import Trial, beyond_reach, full_specs
 from sensors import SENSORS
@@ -38,6 +40,7 @@ Show = Callable[[list[Table]], object]
 # Of a file system that is full, over quota, for reading only, or not ours.
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG)
 LITTLE_OVERLAP = 0.1  # where a failure is put down to it
+MANY_POINTS = 20_000  # of a sweep, to check which takes seconds
 
 
 def run_all(
@@ -144,6 +147,8 @@ def replay(trials: Sequence[Trial], identity: str) -> int:
     console = make_console()
     console.print(f"trial {trial.id}: {trial_name(trial)}", markup=False)
     console.print(outcome(row), markup=False, soft_wrap=True)
+    for note in row.notes:
+        console.print(f"note       {note}", markup=False, soft_wrap=True)
     for name, pose in (("exact", row.T_exact), ("estimated", row.T_estimated)):
         if pose is not None:
             six = six_parameters(pose)
@@ -206,6 +211,15 @@ def find_trial(trials: Sequence[Trial], identity: str) -> Trial:
         return next(iter(found.values()))
     problem = "matches several trials" if found else "is no trial of this config"
     raise ConfigError("--trial", (), f"{identity!r} {problem}; it begins with {trials[0].id}")
+
+
+def tell_long_check(experiment: AnyExperiment | None) -> None:
+    """One line where there are so many points to be checked that a user waits for it."""
+    if experiment is None or experiment.sweep is None:
+        return
+    points = point_count(experiment.sweep)
+    if MANY_POINTS <= points <= MOST_POINTS:
+        make_console().print(f"Checking all {points} points first", markup=False)
 
 
 def tell_left_out(console: Console, session: Session) -> None:

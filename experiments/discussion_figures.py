@@ -21,7 +21,8 @@ from experiments.discussion_tables import (
     table_of,
 )
 from experiments.discussion_trials import PLAIN, DiscussionExperiment
-from harness.figures_page import GREY, INK, Style, add_axes, new_figure, save
+from harness.figures_page import Style, add_axes, new_figure, save
+from harness.looks import GREY, INK
 from harness.random_groups import within
 from harness.scoring import COARSE, wilson_interval
 

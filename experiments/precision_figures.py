@@ -18,17 +18,8 @@ from experiments.precision import (
     beam_errors_mm,
     raw,
 )
-from harness.figures_page import (
-    LEFT_IN,
-    MARK,
-    SOURCE,
-    TARGET,
-    WIDTH_IN,
-    Style,
-    add_axes,
-    new_figure,
-    save,
-)
+from harness.figures_page import LEFT_IN, WIDTH_IN, Style, add_axes, new_figure, save
+from harness.looks import MARK, SOURCE, TARGET
 from registration.calibration import Calibration
 from registration.scan import Scan
 from scenes.profile_samples import piece_of_foam, steps_before_a_glossy_box

@@ -17,12 +17,8 @@ from experiments.profile_pairs import (
     register_profiles,
 )
 from harness.figures_page import (
-    GREY,
     HEAD_IN,
-    INK,
     LEFT_IN,
-    MARK,
-    TARGET,
     WIDTH_IN,
     Style,
     add_axes,
@@ -30,6 +26,7 @@ from harness.figures_page import (
     new_figure,
     save,
 )
+from harness.looks import GREY, INK, MARK, TARGET
 from harness.pair_view import file_slug
 from harness.trials import Trial
 from registration.planar.pipeline import PlanarEvidence

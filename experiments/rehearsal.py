@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import time
+from array import array
 from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
 
 from experiments.cli import EXIT_OK
 from experiments.commands import available_cores, tell_beyond_reach, tell_left_out
@@ -15,12 +19,20 @@ from harness.trials import Trial
 REHEARSED = 3  # trials that are timed
 
 
+class Size(NamedTuple):
+    """Of an experiment: its points, the different trials, and the pairs of scans these need."""
+
+    points: int
+    different: int
+    scans: int
+
+
 def dry_run(session: Session, workers: int | None) -> int:
     """Count the trials, show the first, time some; writes nothing."""
     console = make_console()
     workers = min(workers or available_cores(), len(session.trials))
-    points = {trial.point.number for trial in session.trials if trial.point is not None}
-    at = f" at {len(points)} points" if points else ""
+    size = size_of(session.trials)
+    at = f" at {size.points} points" if size.points else ""
     console.print(f"{session.experiment.title}: {len(session.trials)} trials{at}", markup=False)
     for trial in session.trials[:REHEARSED]:
         console.print(f"  {trial.id}  {trial_name(trial)}", markup=False, soft_wrap=True)
@@ -41,12 +53,11 @@ def dry_run(session: Session, workers: int | None) -> int:
             scan_s.append(took_s - own_s[-1])
         scanned.add(trial.spec.scan_key)
         console.print(f"{trial_name(trial)}: {outcome(row)}", markup=False, soft_wrap=True)
-    to_do = {trial.id: trial.spec.scan_key for trial in session.trials}
     # Scans are made once for all the trials that share them.
-    whole_s = len(to_do) * _mean(own_s) + len(set(to_do.values())) * _mean(scan_s)
+    whole_s = size.different * _mean(own_s) + size.scans * _mean(scan_s)
     console.print(
-        f"{len(to_do)} different trials at {_mean(own_s):.2f} s, {len(set(to_do.values()))} pairs "
-        f"of scans at {_mean(scan_s):.2f} s: about {duration(whole_s / workers)} with {workers} "
+        f"{size.different} different trials at {_mean(own_s):.2f} s, {size.scans} pairs of scans "
+        f"at {_mean(scan_s):.2f} s: about {duration(whole_s / workers)} with {workers} "
         f"workers, figures apart; rows would go to {session.folder}".replace(
             "about under", "under"
         ),
@@ -54,6 +65,17 @@ def dry_run(session: Session, workers: int | None) -> int:
         soft_wrap=True,
     )
     return EXIT_OK
+
+
+def size_of(trials: Sequence[Trial]) -> Size:
+    """How much is asked for, from 16 bytes of each trial however many there are."""
+    ids, scans, points, last = array("Q"), array("q"), 0, None
+    for trial in trials:
+        ids.append(int(trial.id, 16))
+        scans.append(hash(trial.spec.scan_key))
+        points += trial.point is not None and trial.point is not last
+        last = trial.point
+    return Size(points, *(len(np.unique(np.asarray(numbers))) for numbers in (ids, scans)))
 
 
 def _rehearsed(session: Session) -> Sequence[Trial]:
@@ -66,6 +88,8 @@ def _rehearsed(session: Session) -> Sequence[Trial]:
         by_scans: dict[object, Trial] = {}
         for trial in trials:
             by_scans.setdefault(trial.spec.scan_key, trial)
+            if len(by_scans) > REHEARSED:
+                break
         apart = list(by_scans.values())[1 : 1 + REHEARSED]
         return apart if len(apart) == REHEARSED else trials[1 : 1 + REHEARSED] or trials
     if len(trials) <= 2 * REHEARSED:

@@ -28,7 +28,7 @@ _FIELDS: dict[type, list[tuple[str, bool]]] = {}  # sorted; whether None leaves 
 
 def canonical_json(value: Any) -> str:
     """Dataclasses and plain values as JSON with sorted keys: the same text on every machine."""
-    return json.dumps(value, default=_plain, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return _CANONICAL.encode(value)
 
 
 def joined_json(value: Any) -> str:
@@ -40,6 +40,8 @@ def joined_json(value: Any) -> str:
 
 def text_of(value: Any) -> str:
     """canonical_json of a value; a part that is shared by many trials keeps its own as `text`."""
+    if type(value) is int:  # the commonest, which need no encoder
+        return repr(value)
     text: str | None = getattr(value, "text", None)
     return canonical_json(value) if text is None else text
 
@@ -64,6 +66,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, BaseModel):
         return value.model_dump()
     raise TypeError(f"{type(value).__name__} cannot determine a trial")
+
+
+_CANONICAL = json.JSONEncoder(
+    default=_plain, sort_keys=True, separators=(",", ":"), allow_nan=False
+)
 
 
 @dataclass(frozen=True)
@@ -100,6 +107,19 @@ def chosen(choice: Choice, registry: Mapping[str, Any], key: Key, file: Path) ->
         raise ConfigError(file, (*key, "name"), message)
     params_type = registry[choice.name].params_type
     return Chosen(choice.name, checked_params(params_type, choice.params, file, (*key, "params")))
+
+
+def kept_choice(
+    choice: Choice, registry: Mapping[str, Any], name: str, file: Path, kept: Recent
+) -> Chosen:
+    """chosen of a key of the config; what was checked before is kept."""
+    return kept.same(
+        name,
+        (choice.name, choice.params),
+        lambda: kept.get(
+            f"{name} {text_of(choice)}", lambda: chosen(choice, registry, (name,), file)
+        ),
+    )
 
 
 def chosen_method(choice: MethodChoice, key: Key, file: Path) -> Chosen:

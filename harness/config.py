@@ -17,6 +17,8 @@ from harness.overrides import key_path, replaced
 from harness.random_schema import KIND, RandomPairsExperiment
 from harness.schema import Experiment, MethodChoice
 
+AnyExperiment = Experiment | RandomPairsExperiment
+
 
 class _Loader(yaml.SafeLoader):
     """The safe loader, refusing a key that is written twice."""
@@ -46,7 +48,7 @@ _Loader.add_implicit_resolver(
 
 def load_experiment(
     path: Path, overrides: Sequence[str] = (), seed: int | None = None
-) -> Experiment | RandomPairsExperiment:
+) -> AnyExperiment:
     """Read, override and check an experiment; raises ConfigError with one line.
 
     overrides: "dotted.key=value", the value in YAML, applied before anything is checked.
@@ -55,7 +57,7 @@ def load_experiment(
     return checked_experiment(overridden_mapping(path, overrides, seed), path)
 
 
-def checked_experiment(data: dict[str, Any], path: Path) -> Experiment | RandomPairsExperiment:
+def checked_experiment(data: dict[str, Any], path: Path) -> AnyExperiment:
     """What a file holds as an experiment; raises ConfigError."""
     if data.get("experiment") == KIND:
         random_pairs: RandomPairsExperiment = validated(RandomPairsExperiment, data, path)

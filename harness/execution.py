@@ -115,6 +115,7 @@ def _perform(trial: Trial) -> Outcome:
             counts=_counts(target, source, result),
             stage_ms=stage_ms,
             stage=result.stage,
+            notes=tuple(result.notes),
         ),
         PairView(
             pair=trial.pair,

@@ -10,11 +10,12 @@ from matplotlib.figure import Figure
 
 from harness.figures_measurements import draw_filtering, draw_measurements
 from harness.figures_page import Style, save
-from harness.figures_planes import draw_patches, draw_segments, sorted_matches
-from harness.figures_point_labels import draw_labelled_points, spheres_of
+from harness.figures_planes import draw_patches, draw_segments
+from harness.figures_point_labels import draw_labelled_points
 from harness.figures_shifts import draw_shifts
 from harness.figures_sphere import draw_gauss_spheres
 from harness.figures_superposition import draw_superposition
+from harness.pair_matches import sorted_matches, spheres_of
 from harness.pair_view import PairView
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.thesis.evidence import ViewEvidence

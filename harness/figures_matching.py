@@ -11,23 +11,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
-from harness.figures_page import (
-    AXES,
-    FRONT,
-    GREY,
-    INK,
-    LEFT_IN,
-    MARK,
-    PALE,
-    SOURCE,
-    TARGET,
-    TOP,
-    WIDTH_IN,
-    Projection,
-    add_axes,
-    new_figure,
-    projections,
-)
+from harness.figures_page import AXES, LEFT_IN, WIDTH_IN, add_axes, new_figure, projections
+from harness.looks import FRONT, GREY, INK, MARK, PALE, SOURCE, TARGET, TOP, Projection
 from registration.scan import FloatArray
 from registration.thesis.patches import Patches
 from registration.thesis.translation import Shifts

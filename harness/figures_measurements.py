@@ -8,24 +8,19 @@ from matplotlib.figure import Figure
 
 from harness.figures_page import (
     AXES,
-    FRONT,
     LEFT_IN,
-    MARK,
-    SOURCE,
-    TARGET,
-    TOP,
     WIDTH_IN,
     add_axes,
     add_bar,
     amount,
     grouped,
-    limits,
     new_figure,
     projections,
     roles,
     thinned,
     to_scale,
-)  # fmt: skip
+)
+from harness.looks import FRONT, MARK, SOURCE, TARGET, TOP, limits
 from harness.pair_view import PairView
 from registration.scan import FloatArray, Scan
 

@@ -7,7 +7,7 @@ import os
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -18,11 +18,9 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from PIL import Image
 
+from harness.looks import FRONT, GREY, INK, TOP, Projection, limits
 from harness.pair_view import PairView
 from registration.scan import FloatArray, IntArray, Scan
-
-TARGET, SOURCE = "#0072B2", "#E69F00"  # blue and orange of Okabe and Ito, safe for the colour-blind
-MARK, GREY, PALE, INK = "#D55E00", "#8C8C8C", "#D9D9D9", "#222222"
 
 AXES = ("X, motion (mm)", "Y, lateral (mm)", "Z, depth (mm)")
 WIDTH_IN = 9.0  # a page's width at this font size
@@ -48,19 +46,6 @@ STYLE: Any = {
     "legend.fontsize": 8.5,
     "legend.frameon": False,
 }
-
-
-class Projection(NamedTuple):
-    """A view of a drawing: the coordinates that run to the right and up the page."""
-
-    name: str
-    right: int
-    up: int
-
-
-# As the sensor sees it; and from above, the sensor at the foot of the page. Y to the right in both.
-FRONT = Projection("Front view", 1, 0)
-TOP = Projection("Top view", 1, 2)
 
 
 class Style:
@@ -150,18 +135,6 @@ def to_scale(ax: Axes, projection: Projection, low: FloatArray, high: FloatArray
     ax.set_aspect("equal")
     ax.set_xlabel(AXES[projection.right])
     ax.set_ylabel(AXES[projection.up])
-
-
-def limits(points_mm: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Corners of a box around all points with a margin; never flat, 100 mm when there are none."""
-    points = np.concatenate([np.zeros((0, 3)), *(p.reshape(-1, 3) for p in points_mm)])
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) == 0:
-        return np.full(3, -50.0), np.full(3, 50.0)
-    low, high = points.min(axis=0), points.max(axis=0)
-    least = 0.2 * max(float((high - low).max()), 50.0)
-    margin = 0.03 * (high - low) + 0.5 * np.maximum(least - (high - low), 0.0)
-    return low - margin, high + margin
 
 
 def new_figure(title: str, height_in: float, note: str = "") -> Figure:

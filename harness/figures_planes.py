@@ -7,28 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from harness.figures_page import (
-    FRONT,
-    INK,
-    PALE,
-    TOP,
-    Projection,
-    add_bar,
-    amount,
-    projections,
-    roles,
-)  # fmt: skip
+from harness.figures_page import add_bar, amount, projections, roles
+from harness.looks import FRONT, INK, NORMAL_COLOURS, PALE, TOP, Projection
 from harness.pair_view import PairView
 from registration.scan import FloatArray, IntArray
 from registration.thesis.evidence import ViewEvidence
 from registration.thesis.patches import Patches
 from registration.thesis.segments import Segments
 
-# Paul Tol's "muted" colours, safe for the colour-blind; heaviest normals first.
-NORMAL_COLOURS = (
-    "#332288", "#CC6677", "#117733", "#DDCC77", "#88CCEE", "#882255", "#44AA99", "#AA4499",
-    "#999933",
-)  # fmt: skip
 ANGLE = "Angle of the normal, from facing the\nsensor towards the right (degrees)"
 LABEL_DISTANCE_MM = 26.0  # two numbers closer than this would run into each other
 LABEL_ROOM_MM = 11.0  # a patch has to be this wide to hold a number
@@ -104,12 +90,6 @@ def normal_colours(n_normals: int, matched: IntArray) -> list[str]:
     for place, normal in reversed(list(enumerate(matched[: len(NORMAL_COLOURS)]))):
         colours[normal] = NORMAL_COLOURS[place]
     return colours
-
-
-def sorted_matches(matches: IntArray, target_weight: FloatArray) -> IntArray:
-    """(k, 2) matches of normals, the one of the target's largest area first."""
-    ordered: IntArray = matches[np.argsort(-target_weight[matches[:, 0]], kind="stable")]
-    return ordered
 
 
 def add_patches(

@@ -5,16 +5,13 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from harness.figures_page import FRONT, PALE, TOP, amount, mixed_order, projections, roles
-from harness.figures_planes import NORMAL_COLOURS, normal_colours
+from harness.figures_page import amount, mixed_order, projections, roles
+from harness.figures_planes import normal_colours
+from harness.looks import FRONT, NORMAL_COLOURS, PALE, TOP
 from harness.pair_view import PairView
 from registration.gauss_sphere.evidence import PlaneEvidence
-from registration.gauss_sphere.rotation import gauss_sphere
-from registration.scan import IntArray
-from registration.thesis.gauss_sphere import GaussSphere
 
 MAX_POINTS = 12000
-SAME_DIRECTION_RAD = 0.05  # of planes that share a dot on the Gauss sphere
 
 
 def draw_labelled_points(pair: PairView, planes: PlaneEvidence, title: str) -> Figure:
@@ -46,16 +43,3 @@ def draw_labelled_points(pair: PairView, planes: PlaneEvidence, title: str) -> F
                 c=colours[label.ravel()[on]], lw=0, rasterized=True,
             )  # fmt: skip
     return figure
-
-
-def spheres_of(planes: PlaneEvidence) -> tuple[tuple[GaussSphere, GaussSphere], IntArray]:
-    """The Gauss spheres of both views, and (k, 2) matches of their directions, largest first."""
-    target, source = (
-        GaussSphere(*gauss_sphere(view.patches, SAME_DIRECTION_RAD))
-        for view in (planes.target, planes.source)
-    )
-    matches = np.stack(
-        [target.member[planes.pairs[:, 0]], source.member[planes.pairs[:, 1]]], axis=1
-    )
-    _, first = np.unique(matches, axis=0, return_index=True)
-    return (target, source), matches[np.sort(first)]

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from harness.figures_page import AXES, INK, MARK, TARGET, add_axes, amount, new_figure
+from harness.figures_page import AXES, add_axes, amount, new_figure
+from harness.looks import INK, MARK, TARGET
 from harness.pair_view import PairView
 from registration.scan import BoolArray, FloatArray
 from registration.thesis.translation import Shifts

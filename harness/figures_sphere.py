@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from scipy.spatial.transform import Rotation
 
-from harness.figures_page import GREY, INK, PALE, SOURCE, TARGET, add_axes, amount, new_figure
+from harness.figures_page import add_axes, amount, new_figure
 from harness.figures_planes import normal_colours
+from harness.looks import GREY, INK, PALE, SOURCE, TARGET
 from harness.pair_view import PairView
 from registration.scan import FloatArray, IntArray
 from registration.thesis.gauss_sphere import GaussSphere

@@ -8,16 +8,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from scipy.spatial.transform import RigidTransform
 
-from harness.figures_page import (
-    FRONT,
-    SOURCE,
-    TARGET,
-    TOP,
-    Projection,
-    mixed_order,
-    projections,
-    thinned,
-)
+from harness.figures_page import mixed_order, projections, thinned
+from harness.looks import FRONT, SOURCE, TARGET, TOP, Projection
 from harness.pair_view import PairView
 from harness.scoring import pose_error
 from registration.scan import FloatArray

@@ -9,20 +9,13 @@ from matplotlib.figure import Figure
 from harness.figures_measurements import JUMP_MM
 from harness.figures_page import (
     AXES,
-    FRONT,
     GAP_IN,
     HEAD_IN,
-    INK,
     LEFT_IN,
-    MARK,
-    SOURCE,
-    TARGET,
-    TOP,
     WIDTH_IN,
     add_axes,
     add_bar,
     amount,
-    limits,
     new_figure,
     projections,
     thinned,
@@ -30,6 +23,7 @@ from harness.figures_page import (
 )
 from harness.figures_planes import ANGLE, add_patches, add_segments, normal_colours
 from harness.figures_sphere import LARGEST_PT2, add_globe, add_numbers
+from harness.looks import FRONT, INK, MARK, SOURCE, TARGET, TOP, limits
 from registration.scan import FloatArray, Scan
 from registration.thesis.evidence import ViewEvidence
 from registration.thesis.gauss_sphere import GaussSphere

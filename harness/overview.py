@@ -15,15 +15,8 @@ from scipy.spatial.transform import RigidTransform
 from harness.arm_figure import draw_arm
 from harness.clouds import measured_points, write_cloud
 from harness.execution import scan_view
-from harness.figures_page import (
-    FRONT,
-    TOP,
-    Style,
-    mixed_order,
-    projections,
-    save,
-    thinned,
-)
+from harness.figures_page import Style, mixed_order, projections, save, thinned
+from harness.looks import FRONT, TOP
 from harness.multiview import NO_COVARIANCE, middle_view, poses_in, usable
 from harness.pair_view import PairView, file_slug
 from harness.pool import MakeExecutor

@@ -2,30 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from multiprocessing import forkserver, resource_tracker
 
+from harness.fork_server import start_server
 from harness.supervise import Workers
-from harness.threads import limit_threads
 
 MakeExecutor = Callable[[], Executor]
-
-
-def start_server() -> None:
-    """Begin to import, in the background, what the workers need; a later call does nothing."""
-    limit_threads()
-    multiprocessing.get_context("forkserver").set_forkserver_preload(["harness.preload"])
-    resource_tracker.ensure_running()  # it would lift the block below
-    # Ctrl-C reaches every process of the terminal, and the server does not expect it as it imports.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        forkserver.ensure_running()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def process_pool(workers: int) -> MakeExecutor:

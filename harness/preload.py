@@ -1,11 +1,11 @@
-"""Imported once by the fork server: all that a worker needs, so that workers start at once.
+"""Imported once by the fork server: all that a trial needs, so that workers start at once.
 
 The kernels are loaded too, or the first trial of each worker would count that as its own time.
 """
 
 from contextlib import suppress
 
-from harness import clouds, execution, figures  # noqa: F401  # imported to be at hand
+from harness import execution  # noqa: F401  # imported to be at hand
 from harness.provenance import remember_code
 from harness.report import records  # noqa: F401
 from registration import METHODS, register

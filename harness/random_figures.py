@@ -13,7 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 from scipy.stats import chi2
 
-from harness.figures_page import GREY, INK, Style, add_axes, new_figure, save
+from harness.figures_page import Style, add_axes, new_figure, save
+from harness.looks import GREY, INK
 from harness.pair_tables import NAMES
 from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family, within
 from harness.random_tables import COUNTED, bound_table, squared_distances

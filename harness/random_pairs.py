@@ -19,8 +19,8 @@ from harness.choices import (
     chosen,
     chosen_methods,
     joined_json,
+    kept_choice,
     list_json,
-    text_of,
 )
 from harness.config_errors import ConfigError, Key
 from harness.random_schema import Family, RandomPairsExperiment
@@ -128,10 +128,7 @@ def build_random_trials(
     kept: what was checked for experiments that differ in little.
     """
     kept = kept or Recent(len(experiment.methods) + len(experiment.families) + 1)
-    sensor = kept.get(
-        f"sensor {text_of(experiment.sensor)}",
-        lambda: chosen(experiment.sensor, SENSORS, ("sensor",), file),
-    )
+    sensor = kept_choice(experiment.sensor, SENSORS, "sensor", file, kept)
     methods = chosen_methods(experiment.methods, file, kept)
     families = {
         name: (_rules(experiment, family, ("families", name), file, kept), family.pairs)

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from harness.bound import parameter_deviations
+from harness.notes import with_notes
 from harness.pair_tables import COLUMNS, NAMES
 from harness.random_groups import THRESHOLDS, banded, grouped, with_family, within
 from harness.scoring import COARSE, FINE, wilson_interval
@@ -287,6 +288,6 @@ def wrong_table(rows: pd.DataFrame) -> Table:
         "Wrong answers marked ok",
         f"Beyond {COARSE.rotation_deg:g} deg or {COARSE.translation_mm:g} mm. Replay one with "
         "--trial and its id.",
-        frame,
+        with_notes(frame, wrong),
         {"Overlap": ".2f", "Rotation (deg)": ".2f", "Translation (mm)": ".1f"},
     )

@@ -10,11 +10,13 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from harness.limits import NO_LIMITS, Limits
 from harness.strict import Strict
 from harness.sweep_schema import Sweep
-from sensors.paths import Direction, Line
 
 Length = Annotated[float, Field(gt=0.0)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 Vector = tuple[float, float, float]
+# Those of sensors.paths, whose import would bring numba and the simulation: a file is read sooner.
+Line = Literal["sensor_x", "vertical"]
+Direction = Literal["up", "down"]
 Angles = tuple[Angle, Angle, Angle]
 RotationLabels = Literal["printed", "swapped", "cyclic"]
 BeyondReach = Literal["refuse", "straight_line", "straight_line_unless_swapped"]

@@ -38,6 +38,7 @@ class Row:
     counts: points, segments, patches and so on, by name.
     stage_ms: wall times; all else is the same in every run.
     stage: where the method stopped, as it says; "" where it does not.
+    notes: what the method says of its answer, of whatever status.
     """
 
     id: str
@@ -58,6 +59,7 @@ class Row:
     counts: dict[str, int] = field(default_factory=dict)
     stage_ms: dict[str, float] = field(default_factory=dict)
     stage: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.DataFrame:
@@ -217,10 +219,10 @@ class Store:
                 self._insert(connection, row, code)
 
     def _insert(self, connection: sqlite3.Connection, row: Row, code: str) -> None:
-        number = self._number(connection, row.id)
+        number, notes = self._number(connection, row.id), "\n".join(row.notes)
         self._replace(
             "trials", number,
-            self._shared("endings", row.status, row.stage, row.reason, row.traceback),
+            self._shared("endings", row.status, row.stage, row.reason, row.traceback, notes),
             row.rotation_error_deg, row.translation_error_mm,
             row.overlap_target, row.overlap_source,
             self._listed(row.counts), packed(list(row.counts.values())),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 FILE_NAME = "trials.sqlite"
 LOCK_NAME = "trials.lock"
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 
 FloatArray = NDArray[np.float64]
 Blobs = Sequence[bytes | None] | NDArray[np.object_]
@@ -45,7 +45,8 @@ CREATE TABLE endings (
     status TEXT NOT NULL,
     stage TEXT NOT NULL,  -- where the method stopped, as it says
     reason TEXT NOT NULL,
-    traceback TEXT NOT NULL
+    traceback TEXT NOT NULL,
+    notes TEXT NOT NULL  -- what the method says of its answer, a line each
 ) STRICT;
 -- What trials of one pair share, whatever the noise and the method.
 CREATE TABLE truths (
@@ -81,9 +82,9 @@ CREATE TABLE timings (
 ) STRICT;
 -- The rows without their times, for whoever reads the file with other tools.
 CREATE VIEW whole_rows AS
-    SELECT id, status, stage, reason, traceback, rotation_error_deg, translation_error_mm,
-        overlap_target, overlap_source, count_names, counts, T_exact, T_theoretical, T_estimated,
-        bounds, covariance, undetermined, spec
+    SELECT id, status, stage, reason, traceback, notes, rotation_error_deg,
+        translation_error_mm, overlap_target, overlap_source, count_names, counts, T_exact,
+        T_theoretical, T_estimated, bounds, covariance, undetermined, spec
     FROM trials JOIN ids USING (number) JOIN matrices USING (number) JOIN specs USING (number)
         JOIN endings ON endings.number = ending JOIN truths ON truths.number = truth;
 -- What the present configuration asks for: rows of earlier ones stay and are never mixed in.

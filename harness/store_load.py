@@ -41,9 +41,10 @@ LISTS = ("counts", "stage_ms")
 def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.DataFrame:
     """The rows of a results folder's present configuration, one a trial that has been run.
 
-    Columns: id, pair, method, given, repeat, status, reason, traceback, stage; rotation_error_deg,
-    translation_error_mm; overlap_target, overlap_source (fractions); exact_*, theoretical_*,
-    estimated_* and error_* of the six parameters (rotation_x_deg .. rotation_z_deg, x_mm .. z_mm);
+    Columns: id, pair, method, given, repeat, status, reason, traceback, stage, notes (a line each);
+    rotation_error_deg, translation_error_mm; overlap_target, overlap_source (fractions); exact_*,
+    theoretical_*, estimated_* and error_* of the six parameters (rotation_x_deg .. rotation_z_deg,
+    x_mm .. z_mm);
     n_* counts; ms_* wall times. Of a sweep also sweep.point, the number of the point;
     sweep.varied, which key differs from the experiment (one_at_a_time only, else ""); and
     sweep.<key> for every swept key, its value there.
@@ -71,7 +72,7 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
     for name in ("pair", "method", "given"):
         frame[name] = _taken(kinds[name], kind)
     frame["repeat"] = rows["repeat"]
-    for name in ("status", "reason", "traceback", "stage"):
+    for name in ("status", "reason", "traceback", "stage", "notes"):
         frame[name] = _taken(endings[name], ending)
     blocks = [frame, _points(rows["point"], points, keys)]
     if specs:

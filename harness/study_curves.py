@@ -11,7 +11,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.figures_page import GREY, add_axes, new_figure
+from harness.figures_page import add_axes, new_figure
+from harness.looks import GREY
 from harness.study_figures import colours_of, foot_in, method_legend, ticks, with_interval
 from harness.study_numbers import (
     CUT,
@@ -26,7 +27,8 @@ from harness.study_numbers import (
     record_formats,
     record_of,
 )
-from harness.sweep_tables import PREFIX, short_names, swept_keys
+from harness.sweep import short_names
+from harness.sweep_tables import PREFIX, swept_keys
 from harness.table_files import Table
 from registration.scan import FloatArray
 

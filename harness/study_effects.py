@@ -9,7 +9,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from harness.figures_page import GREY, INK, add_axes, new_figure
+from harness.figures_page import add_axes, new_figure
+from harness.looks import GREY, INK
 from harness.study_figures import COLOURS, foot_in
 from harness.study_numbers import (
     CUT,

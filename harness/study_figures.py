@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
-from harness.figures_page import INK, NOTE_CHARACTERS
+from harness.figures_page import NOTE_CHARACTERS
+from harness.looks import INK
 from registration.scan import FloatArray
 
 # Okabe and Ito's colours, safe for the colour-blind.

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.stats import binomtest
 
-from harness.figures_page import INK, add_axes, new_figure
+from harness.figures_page import add_axes, new_figure
+from harness.looks import INK
 from harness.study_figures import foot_in, share_map
 from harness.study_numbers import (
     CUT,

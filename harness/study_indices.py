@@ -11,12 +11,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness.figures_page import GREY, add_axes, new_figure
+from harness.figures_page import add_axes, new_figure
+from harness.looks import GREY
 from harness.study_figures import COLOURS, foot_in, share_map
 from harness.study_numbers import ERRORS, LEVEL, RESAMPLES, listed, outcomes
-from harness.sweep import point_count, salib_problem
+from harness.sweep import point_count, salib_problem, short_names
 from harness.sweep_schema import Sweep
-from harness.sweep_tables import PREFIX, short_names
+from harness.sweep_tables import PREFIX
 from harness.table_files import Table
 from registration.scan import FloatArray
 

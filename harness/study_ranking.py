@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness.figures_page import GREY, add_axes, new_figure
+from harness.figures_page import add_axes, new_figure
+from harness.looks import GREY
 from harness.random_groups import with_family, within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.study_figures import COLOURS, foot_in, logarithmic, share_map

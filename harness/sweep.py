@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,9 +37,26 @@ class Point:
     shown: dict[str, Any]
 
     def __str__(self) -> str:
-        """What is set here, each key by its last part, as few need more to tell them apart."""
+        """What is set here, each key by its short name."""
+        names = short_names(self.shown)
         shown = [key for key in self.shown if self.varied in ("", key)]
-        return ", ".join(f"{key.rpartition('.')[2]} {_short(self.shown[key])}" for key in shown)
+        return ", ".join(f"{names[key]} {_short(self.shown[key])}" for key in shown)
+
+
+def short_names(keys: Iterable[str]) -> dict[str, str]:
+    """By key, as many of its last parts as tell it from the other keys, and what it is.
+
+    The number of an entry, or the name of what is chosen, says nothing without what it is of.
+    """
+    names, known = {}, list(keys)
+    for key in known:
+        parts = key.split(".")
+        least = 2 if parts[-1].isdecimal() or parts[-1] == "name" else 1
+        tails = (".".join(parts[-length:]) for length in range(least, len(parts) + 1))
+        names[key] = next(
+            (tail for tail in tails if sum(f".{k}".endswith(f".{tail}") for k in known) == 1), key
+        )
+    return names
 
 
 def point_count(sweep: Sweep) -> int:

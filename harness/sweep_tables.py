@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import pandas as pd
 
 from harness.random_groups import within
 from harness.scoring import COARSE, FINE, wilson_interval
+from harness.sweep import short_names
 from harness.table_files import Table
 
 PREFIX = "sweep."
@@ -20,19 +20,6 @@ def swept_keys(rows: pd.DataFrame) -> list[str]:
     columns = (str(name) for name in rows.columns if str(name).startswith(PREFIX))
     keys = [name.removeprefix(PREFIX) for name in columns]
     return [key for key in keys if key not in ("point", "varied")]
-
-
-def short_names(keys: Sequence[str]) -> dict[str, str]:
-    """By key, as many of its last parts as tell it from the other keys."""
-    names = {}
-    for key in keys:
-        parts = key.split(".")
-        lengths = range(1, len(parts) + 1)
-        tails = (".".join(parts[-length:]) for length in lengths)
-        names[key] = next(
-            (tail for tail in tails if sum(f".{k}".endswith(f".{tail}") for k in keys) == 1), key
-        )
-    return names
 
 
 def sweep_table(rows: pd.DataFrame) -> Table:

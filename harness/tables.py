@@ -10,6 +10,7 @@ import pandas as pd
 
 from harness.face_gaps import FaceGaps, gaps_in_words
 from harness.multiview import loop_tables
+from harness.notes import with_notes
 from harness.pair_tables import pair_tables, thesis_values
 from harness.schema import Experiment, Pair
 from harness.scoring import COARSE, FINE, PoseError, Tolerance, is_success, wilson_interval
@@ -192,7 +193,7 @@ def failure_table(rows: pd.DataFrame) -> Table:
         "failures",
         "Trials without a success",
         "Replay one with --trial and its id.",
-        pd.DataFrame(records),
+        with_notes(pd.DataFrame(records), failed),
         {"Repeat": "d"},
     )
 

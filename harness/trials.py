@@ -15,11 +15,10 @@ from harness.choices import (
     Chosen,
     canonical_json,
     checked_params,
-    chosen,
     chosen_methods,
     joined_json,
+    kept_choice,
     list_json,
-    text_of,
 )
 from harness.config_errors import ConfigError
 from harness.lazy import Lazy
@@ -169,14 +168,8 @@ def build_trials(experiment: Experiment, file: Path, kept: Recent | None = None)
     kept: what was checked for experiments that differ in little.
     """
     kept = kept or Recent(len(experiment.methods) + 3)
-    scene = kept.get(
-        f"scene {text_of(experiment.scene)}",
-        lambda: chosen(experiment.scene, SCENES, ("scene",), file),
-    )
-    sensor = kept.get(
-        f"sensor {text_of(experiment.sensor)}",
-        lambda: chosen(experiment.sensor, SENSORS, ("sensor",), file),
-    )
+    scene = kept_choice(experiment.scene, SCENES, "scene", file, kept)
+    sensor = kept_choice(experiment.sensor, SENSORS, "sensor", file, kept)
     methods = chosen_methods(experiment.methods, file, kept)
     scan, views = experiment.scan, _views(experiment, file, kept)
     combinations = [
@@ -207,7 +200,7 @@ def build_trials(experiment: Experiment, file: Path, kept: Recent | None = None)
 def _views(experiment: Experiment, file: Path, kept: Recent) -> dict[str, ViewSpec]:
     """Every view by its name; the arm is driven along each."""
     e = experiment
-    parts = [e.views, e.pairs, e.arm, e.rotation_labels, e.scan, e.seed]
+    parts = (e.views, e.pairs, e.arm, e.rotation_labels, e.scan, e.seed)
 
     def make() -> dict[str, ViewSpec]:
         arm = None
@@ -215,7 +208,7 @@ def _views(experiment: Experiment, file: Path, kept: Recent) -> dict[str, ViewSp
             arm = checked_params(ArmParams, e.arm, file, ("arm",))
         return {name: _carried(view_spec(e, name, file), arm, e, file) for name in e.views}
 
-    return kept.get(f"views {canonical_json(parts)}", make)
+    return kept.same("views", parts, lambda: kept.get(f"views {canonical_json(parts)}", make))
 
 
 def beyond_reach(experiment: Experiment, trials: Iterable[Trial]) -> dict[str, str]:

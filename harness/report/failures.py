@@ -11,14 +11,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harness.notes import with_notes
 from harness.random_groups import within
 from harness.report.faults import stage_at_fault
+from harness.report.folder import still_path
 from harness.report.markup import escaped, table_markup
 from harness.report.offered import worst_first
-from harness.report.records import still_path
 from harness.report.thumbnail import GAP, HEIGHT, WIDTH
 from harness.scoring import COARSE
-from harness.sweep_tables import PREFIX, short_names, swept_keys
+from harness.sweep import short_names
+from harness.sweep_tables import PREFIX, swept_keys
 from harness.table_files import Table
 
 Command = Sequence[str]  # "run-experiment configs/desk.yaml ...", word by word
@@ -57,7 +59,7 @@ def failures_table(rows: pd.DataFrame) -> Table:
         "The stage at fault is where the method says that it stopped; of a wrong answer, the "
         "stage whose result had to be replaced by the truth for the same trial to succeed, where "
         "that was tried. Empty: nothing tells.",
-        pd.DataFrame(records),
+        with_notes(pd.DataFrame(records), bad),
         {"Repeat": "d", "Rotation error (deg)": ".2f", "Translation error (mm)": ".1f"},
     )
 
@@ -91,13 +93,15 @@ def _card(row: Mapping[Any, Any], command: Command, folder: Path) -> str:
         error += f"{row['Translation error (mm)']:.1f} mm"
     heading = f"{row['Pair']}, {row['Method']}, repeat {row['Repeat']}: {row['Status']}, {error}"
     fault = row["Stage at fault"] or "not known"
+    notes = f"<p>Note: {escaped(row['Notes'])}.</p>" if row.get("Notes") else ""
     still = base64.b64encode(still_path(folder, identity).read_bytes()).decode("ascii")
     return (
         f'<article class="card"><h3>{escaped(heading)}</h3>'
         f'<img loading="lazy" width="{2 * WIDTH + GAP}" height="{HEIGHT}" '
         f'alt="Both scans of the trial laid on each other" '
         f'src="data:image/png;base64,{still}">'
-        f"<p>{escaped(row['Reason'])}</p><p>Stage at fault: <strong>{escaped(fault)}</strong></p>"
+        f"<p>{escaped(row['Reason'])}</p>{notes}"
+        f"<p>Stage at fault: <strong>{escaped(fault)}</strong></p>"
         f"{command_markup(replay_command(command, identity))}"
         f'<p><button type="button" class="js" data-show="{escaped(identity)}">Show in 3D</button>'
         "</p></article>"

@@ -10,10 +10,10 @@ from scipy.spatial.transform import RigidTransform
 
 from harness.pair_tables import NAMES
 from harness.pair_view import PairView
-from harness.report.folder import FOLDER
+from harness.report.folder import FOLDER, record_path
 from harness.report.packing import compressed, write_whole
 from harness.report.page import Part, Shown
-from harness.report.pair_record import record_path, write_pair
+from harness.report.pair_record import write_pair
 from harness.report.run_page import write_page
 from harness.report.thumbnail import thumbnail
 from harness.scoring import six_parameters

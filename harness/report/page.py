@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.figures_page import INK, SOURCE, TARGET
-from harness.figures_planes import NORMAL_COLOURS
+from harness.looks import INK, NORMAL_COLOURS, SOURCE, TARGET
 from harness.report.failures import command_markup
+from harness.report.folder import record_path
 from harness.report.markup import (
     COPIED_ROWS,
     details,
@@ -25,7 +25,6 @@ from harness.report.markup import (
     table_markup,
 )
 from harness.report.packing import compressed
-from harness.report.pair_record import record_path
 from harness.report.pictures import load_pictures, pictures_markup
 from harness.report.study_still import study_still
 from harness.table_files import Table

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import RigidTransform
 
-from harness.figures_planes import NORMAL_COLOURS, sorted_matches
-from harness.figures_point_labels import spheres_of
+from harness.looks import NORMAL_COLOURS
+from harness.pair_matches import sorted_matches, spheres_of
 from harness.pair_view import PairView
 from harness.report.nearness import surface_distance
 from harness.report.packing import packed

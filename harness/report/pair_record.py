@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 
 from harness.execution import full_spec
 from harness.pair_view import PairView
+from harness.report.folder import record_path
 from harness.report.packing import compressed, write_by_content, write_whole
 from harness.report.pair_layers import (
     Surroundings,
@@ -36,11 +37,6 @@ def write_trial(pair: PairView, trial: Trial, folder: Path) -> list[Path]:
     path = record_path(folder, trial.id)
     write_whole(path, compressed({"id": trial.id, **record}))
     return [path, *(folder / name for name in record["files"].values())]
-
-
-def record_path(folder: Path, identity: str) -> Path:
-    """Where the record of a trial lies."""
-    return folder / f"trial_{identity}.json.gz"
 
 
 def surroundings(trial: Trial) -> Surroundings:
@@ -79,6 +75,7 @@ def write_pair(pair: PairView, known: Surroundings | None, folder: Path) -> dict
         "views": {"target": pair.target_view, "source": pair.source_view},
         "status": pair.result.status,
         "reason": pair.result.reason,
+        "notes": list(pair.result.notes),
         "error": error,
         "overlap": pair.overlap if known is not None else None,
         "files": files,

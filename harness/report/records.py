@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from harness.pair_view import PairView
 from harness.pool import MakeExecutor
+from harness.report.folder import record_path, still_path
 from harness.report.packing import write_whole
-from harness.report.pair_record import record_path, write_trial
+from harness.report.pair_record import write_trial
 from harness.report.thumbnail import thumbnail
 from harness.scoring import COARSE, is_success, pose_error
 from harness.trials import Trial
+
+if TYPE_CHECKING:  # workers import this, and pandas would cost them 0.4 s
+    import pandas as pd
 
 KEPT = 6  # trials without success that a worker keeps unasked, so that few are replayed
 
@@ -40,11 +43,6 @@ def record(pair: PairView, trial: Trial, folder: Path) -> list[Path]:
     still = still_path(folder, trial.id)
     write_whole(still, thumbnail(pair))
     return [*files, still]
-
-
-def still_path(folder: Path, identity: str) -> Path:
-    """Where the still picture of a trial lies."""
-    return folder / f"trial_{identity}.png"
 
 
 def replay(trial: Trial, folder: Path) -> None:
@@ -69,7 +67,7 @@ def provided(
     removed.
     """
     outcomes = {
-        row["id"]: (row["status"], row["rotation_error_deg"])
+        row["id"]: (row["status"], row["notes"], row["rotation_error_deg"])
         for row in rows[rows["id"].isin(list(identities))].to_dict("records")
     }
     records = {identity: _load(folder, identity) for identity in identities}
@@ -99,11 +97,12 @@ def _load(folder: Path, identity: str) -> dict[str, Any] | None:
     return record if all(file.exists() for file in [*files, still_path(folder, identity)]) else None
 
 
-def _agrees(record: Mapping[str, Any], status: str, rotation_error_deg: float) -> bool:
+def _agrees(record: Mapping[str, Any], status: str, notes: str, rotation_error_deg: float) -> bool:
+    """Whether a record is that of a row; NaN is a row without an estimate."""
     error = record["error"]
-    if record["status"] != status:
+    if (record["status"], record.get("notes")) != (status, notes.splitlines()):
         return False
-    return pd.isna(rotation_error_deg) if error is None else error[0] == rotation_error_deg
+    return math.isnan(rotation_error_deg) if error is None else error[0] == rotation_error_deg
 
 
 def _forget_others(records: Mapping[str, Mapping[str, Any]], folder: Path) -> None:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from harness.random_groups import within
 from harness.scoring import COARSE, FINE, wilson_interval
-from harness.sweep_tables import PREFIX, short_names, swept_keys
+from harness.sweep import short_names
+from harness.sweep_tables import PREFIX, swept_keys
 
 MOST_POINTS = 1500  # that a reader and a browser can tell apart
 LISTED_TRIALS = 60  # behind a point

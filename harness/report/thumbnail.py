@@ -6,10 +6,9 @@ import io
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import to_rgb
-from PIL import Image
+from PIL import Image, ImageColor
 
-from harness.figures_page import FRONT, SOURCE, TARGET, TOP, limits
+from harness.looks import FRONT, SOURCE, TARGET, TOP, limits
 from harness.pair_view import PairView
 from registration.scan import FloatArray
 
@@ -55,7 +54,7 @@ def _counts(places: FloatArray) -> FloatArray:
 def _painted(counts: list[FloatArray]) -> Pixels:
     """Each pixel in the mixture of the colours of the views that have points there."""
     total = counts[0] + counts[1]
-    colours = [255.0 * np.array(to_rgb(colour)) for colour in (TARGET, SOURCE)]
+    colours = [np.array(ImageColor.getrgb(colour), float) for colour in (TARGET, SOURCE)]
     mixed = sum(count[..., None] * colour for count, colour in zip(counts, colours, strict=True))
     shown = np.where(total[..., None] > 0, mixed / np.maximum(total, 1)[..., None], 255.0)
     painted: Pixels = np.rint(shown).astype(np.uint8)

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from experiments.cli import main
+from experiments.commands import tell_long_check
+from harness.config import load_experiment
 
 ROOT = Path(__file__).parents[2]
 DESK = str(ROOT / "configs" / "desk.yaml")
@@ -138,3 +140,20 @@ if __name__ == "__main__":
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (done.stdout.strip(), done.stderr) == ("3", "")
+
+
+@pytest.mark.parametrize(
+    ("design", "samples", "told"),
+    [
+        ("latin_hypercube", 99, ""),
+        ("latin_hypercube", 20_000, "Checking all 20000 points first\n"),
+        ("saltelli", 2**19, ""),  # over a million points: they are refused, which takes no time
+    ],
+)
+def test_a_check_that_takes_long_is_announced(
+    design: str, samples: int, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    over = "{scan.step_mm: {distribution: uniform, from: 4, to: 6}}"
+    sweep = f"sweep={{design: {design}, samples: {samples}, over: {over}}}"
+    tell_long_check(load_experiment(Path(DESK), [sweep]))
+    assert capsys.readouterr().out == told

@@ -20,6 +20,10 @@ def give_up(target: Scan, source: Scan, params: GuessParams) -> RegistrationResu
 give_up.params_type = GuessParams  # type: ignore[attr-defined]  # how a function names its params
 
 
+def note(target: Scan, source: Scan, params: dict[str, object]) -> RegistrationResult:
+    return RegistrationResult(None, "failed", "did not try", notes=("a note", "and <another>"))
+
+
 def crash(target: Scan, source: Scan, params: dict[str, object]) -> RegistrationResult:
     raise ZeroDivisionError("a bug\nwith a second line")
 

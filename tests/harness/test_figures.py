@@ -12,10 +12,12 @@ from PIL import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.figures import KINDS, draw_pair
-from harness.figures_page import FRONT, MAX_POINTS, TOP, limits, projections, thinned
-from harness.figures_planes import normal_colours, sorted_matches
+from harness.figures_page import MAX_POINTS, projections, thinned
+from harness.figures_planes import normal_colours
 from harness.figures_shifts import box_edges
 from harness.figures_superposition import draw_superposition
+from harness.looks import FRONT, TOP, limits
+from harness.pair_matches import sorted_matches
 from harness.pair_view import PairView
 from harness.scoring import exact_pose
 from registration import RegistrationResult, Scan, register

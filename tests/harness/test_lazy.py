@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments.rehearsal import size_of
 from harness.config_errors import ConfigError
 from harness.lazy import Lazy
 from harness.session import open_session, plan
@@ -47,6 +48,23 @@ def test_memory_does_not_grow_with_the_trials(small_file: Path, tmp_path: Path) 
     few, many = most_bytes(10), most_bytes(REPEATS)
     # A number for the scans of each trial and its place are kept, no more.
     assert many - few < 100 * 2 * REPEATS
+
+
+def test_a_rehearsal_counts_without_keeping_the_trials(small_file: Path) -> None:
+    def most_bytes(repeats: int) -> float:
+        # The parameter changes nothing of the second method, whose trials are the same everywhere.
+        key = "methods.a.params.segments.warp_mm"
+        methods = "methods=[{name: thesis, label: a}, {name: thesis, label: b}]"
+        overrides = [methods, f"repeats={repeats}", f"sweep.over={{{key}: [4.1, 5.1, 6.1]}}"]
+        trials = open_session(small_file, None, overrides).trials
+        tracemalloc.start()
+        assert size_of(trials) == (3, 2 * (3 + 1) * repeats, 2 * repeats)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    most_bytes(1)
+    assert most_bytes(1000) - most_bytes(10) < 100 * 12 * 1000
 
 
 def test_a_wrong_value_at_the_last_point_is_told_before_the_first(

@@ -37,6 +37,7 @@ def rows_with(errors: list[np.ndarray], statuses: list[str], overlaps: list[floa
             {
                 "id": f"{i:016x}", "pair": f"{'desk' if i % 2 else 'clutter'} {i}",
                 "method": "ours", "status": status, "reason": "" if status == "ok" else "no 7",
+                "notes": "",
                 "overlap_target": overlap, "overlap_source": overlap + 0.1,
                 "T_exact": exact.as_matrix(), "T_estimated": estimated.as_matrix(),
                 "rotation_error_deg": np.rad2deg(apart.rotation_rad),

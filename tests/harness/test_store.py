@@ -37,6 +37,7 @@ def example_row(identity: str, seed: int = 0) -> Row:
         undetermined=np.zeros((0, 6)),
         counts={"points_target": 7},
         stage_ms={"rotation": 1.5},
+        notes=("one thing", "another"),
     )
 
 
@@ -53,6 +54,7 @@ def test_a_row_comes_back_bit_for_bit(small_file: Path, tmp_path: Path) -> None:
     assert record["rotation_error_deg"] == row.rotation_error_deg
     assert record["n_points_target"] == 7
     assert record["ms_rotation"] == 1.5
+    assert record["notes"] == "one thing\nanother"
     assert (record["pair"], record["method"], record["repeat"]) == ("a.b", "thesis", 0)
     assert record["error_x_mm"] == pytest.approx(
         row.T_estimated.translation[0] - row.T_exact.translation[0]

@@ -14,9 +14,9 @@ from harness.config import validated
 from harness.config_errors import ConfigError
 from harness.session import open_session, resolved
 from harness.store import Row, Store, load
-from harness.sweep import Point, point_count, sweep_points, unit_design
+from harness.sweep import Point, point_count, short_names, sweep_points, unit_design
 from harness.sweep_schema import Sweep
-from harness.sweep_tables import short_names, sweep_table
+from harness.sweep_tables import sweep_table
 from sensors.noise import NoiseParams
 
 NOISE = "sensor.params.noise.sigma_far_mm"
@@ -315,3 +315,8 @@ def test_kept_texts_are_the_canonical_ones(data: st.DataObject) -> None:
 def test_names_are_as_short_as_tells_them_apart() -> None:
     keys = ["a.x.w", "a.y.w", "scan.step_mm"]
     assert short_names(keys) == {"a.x.w": "x.w", "a.y.w": "y.w", "scan.step_mm": "step_mm"}
+    keys = ["scene.name", "arm.bracket_deg.0", "arm.bracket_deg.1"]
+    names = ["scene.name", "bracket_deg.0", "bracket_deg.1"]
+    assert list(short_names(keys).values()) == names
+    point = Point(0, "", {}, {"left.yaw_deg": 1, "right.yaw_deg": 2.00001, "scene.name": "desk"})
+    assert str(point) == "left.yaw_deg 1, right.yaw_deg 2, scene.name desk"

@@ -70,13 +70,13 @@
     return { layers, pose };
   }
   function tell() {
-    const { views, status, reason, error, overlap } = now;
+    const { views, status, reason, notes, error, overlap } = now;
     const named = (role) => (views[role] === role ? role : `${views[role]} (${role})`);
     let text = `${now.scene ? now.scene + ", " : ""}${named("source")} to ${named("target")}, method ${now.method}: ${status}`;
     if (reason) text += ` (${reason})`;
     if (error) text += `, off by ${error[0].toFixed(3)}° and ${error[1].toFixed(2)} mm`;
     if (overlap !== null) text += `; the target view sees ${Math.round(100 * overlap)} % of the source's points`;
-    $("told").textContent = text + ".";
+    $("told").textContent = [text, ...notes.map((note) => `Note: ${note}`)].join(". ") + ".";
   }
   function toStage(place) {
     const stage = now.stages[place];

@@ -1,0 +1,31 @@
+"""The matches of normals in a pair, in the order that figures and the page show them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from registration.gauss_sphere.evidence import PlaneEvidence
+from registration.gauss_sphere.rotation import gauss_sphere
+from registration.scan import FloatArray, IntArray
+from registration.thesis.gauss_sphere import GaussSphere
+
+SAME_DIRECTION_RAD = 0.05  # of planes that share a dot on the Gauss sphere
+
+
+def sorted_matches(matches: IntArray, target_weight: FloatArray) -> IntArray:
+    """(k, 2) matches of normals, the one of the target's largest area first."""
+    ordered: IntArray = matches[np.argsort(-target_weight[matches[:, 0]], kind="stable")]
+    return ordered
+
+
+def spheres_of(planes: PlaneEvidence) -> tuple[tuple[GaussSphere, GaussSphere], IntArray]:
+    """The Gauss spheres of both views, and (k, 2) matches of their directions, largest first."""
+    target, source = (
+        GaussSphere(*gauss_sphere(view.patches, SAME_DIRECTION_RAD))
+        for view in (planes.target, planes.source)
+    )
+    matches = np.stack(
+        [target.member[planes.pairs[:, 0]], source.member[planes.pairs[:, 1]]], axis=1
+    )
+    _, first = np.unique(matches, axis=0, return_index=True)
+    return (target, source), matches[np.sort(first)]
