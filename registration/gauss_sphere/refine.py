@@ -104,9 +104,8 @@ def widened(
     Maximising sharpens on the planes that agree; how sure the pose is must be told by all: their
     squared distances sum to the degrees of freedom, at most, or the error of every plane is larger.
 
-    information: (6, 6) out, for a floor of floor_mm or more, which is returned. doubt: how much
-    more than the degrees of freedom the squared distances may sum to before it is more, in standard
-    deviations.
+    information: (6, 6) out, for a floor of floor_mm or more, which is returned. doubt: standard
+    deviations over the degrees of freedom that the squared distances may sum to before it is more.
     """
     gradient, distance2 = np.empty(6), np.empty(pairs.shape[0])
     freedom = max(3 * pairs.shape[0] - 6, 1)
