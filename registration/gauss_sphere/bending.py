@@ -81,8 +81,8 @@ def doubted(
     shared_mm = bias_mm * np.sqrt(pose.pairs.shape[0] / planes)
     sure, floor_mm = np.empty((6, 6)), max(float(shared_mm), pose.floor_mm)
     r, t, likely = pose.rotation, pose.shift_mm, likelihood(params.refine)
-    widened(target, source, pose.pairs, likely, floor_mm, r, t, sure, 0.0)
-    take_chance(target, source, pose.pairs, likely, floor_mm, r, t, sure)
+    wide_mm = widened(target, source, pose.pairs, likely, floor_mm, r, t, sure, 0.0)
+    take_chance(target, source, pose.pairs, likely, wide_mm, r, t, sure)
     return pose._replace(sure=sure, floor_mm=floor_mm)
 
 

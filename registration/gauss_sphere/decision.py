@@ -15,9 +15,16 @@ from registration.scan import FloatArray, IntArray
 
 
 def judge(
-    ranked: list[Settled], target: View, source: View, params: DecisionParams
+    ranked: list[Settled],
+    target: View,
+    source: View,
+    params: DecisionParams,
+    appeal: bool = False,
 ) -> RegistrationResult:
-    """Turn the settled poses into an answer that says how sure it is."""
+    """Turn the settled poses into an answer that says how sure it is.
+
+    appeal: outlines have been asked, too: each pose that they leave is a rival, on less surface.
+    """
     best = ranked[0]
     seen = 0.5 * (target.sample_area.sum() + source.sample_area.sum())
     share = best.areas[SUPPORT] / seen
@@ -66,7 +73,12 @@ def judge(
             candidates=candidates[1:],
             stage="scene",
         )
-    rivals = [p for p in ranked[1:] if is_rival(p, best, target, params)]
+    rivals = [
+        p
+        for p in ranked[1:]
+        if (appeal and p.score > params.repeat_share * best.score)
+        or is_rival(p, best, target, params)
+    ]
     if rivals:
         return RegistrationResult(
             candidates[0].T_target_source,
@@ -172,8 +184,7 @@ def uncertainty(
     nearly independent, in units of params.open_rad and params.open_mm; covariance and directions
     are of a perturbation on the left about the target's origin.
     """
-    weight = target.patches.area_mm2[pose.pairs[:, 0]]
-    centre = weight @ target.patches.centroid_mm[pose.pairs[:, 0]] / weight.sum()
+    centre = centre_of(pose, target)
     # v_centre = v + w x centre: what the perturbation (w, v) moves the centre by.
     about_centre = np.eye(6)
     about_centre[3:, :3] = -_cross(centre)
@@ -193,6 +204,13 @@ def uncertainty(
         + "; ".join(names)
     )
     return None, directions, reason
+
+
+def centre_of(pose: Settled, target: View) -> FloatArray:
+    """(3,) middle in mm of the surface that a pose matches, in the target's frame."""
+    weight = target.patches.area_mm2[pose.pairs[:, 0]]
+    centre: FloatArray = weight @ target.patches.centroid_mm[pose.pairs[:, 0]] / weight.sum()
+    return centre
 
 
 def sliding(patches: Patches) -> FloatArray:

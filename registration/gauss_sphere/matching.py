@@ -284,14 +284,13 @@ def _finish(
         target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely, floors, r, t,
         found.information[c], found.distance2[c],
     )  # fmt: skip
-    widened(
-        target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely,
-        found.floor_mm[c], r, t, found.sure[c], 0.0,
+    pairs = found.pairs[c, : found.n_pairs[c]]
+    take_chance(
+        target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.information[c]
     )  # fmt: skip
-    for information in (found.information[c], found.sure[c]):
-        take_chance(
-            target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely,
-            found.floor_mm[c], r, t, information,
-        )  # fmt: skip
+    wide_mm = widened(
+        target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.sure[c], 0.0
+    )  # fmt: skip
+    take_chance(target.patches, source.patches, pairs, likely, wide_mm, r, t, found.sure[c])
     compare_both(target, source, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
     found.score[c] = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]

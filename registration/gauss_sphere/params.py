@@ -212,6 +212,34 @@ class WholePlaneParams:
 
 
 @dataclass(frozen=True)
+class OutlineParams:
+    """Outlines of faces, asked where planes alone give no answer.
+
+    behind_mm: a face ends where what comes next lies so much farther away, at most missing_pixels
+        on. near_mm: points of an outline so close make its line, which errs by line_mm.
+    off_mm: how far to both sides of an outline the other view is asked, on_mm: from its plane.
+    least: points that must be confirmed. denied_share: of those that the other view says something
+        of, what it may deny of the best pose; dropped_share: more than of another, of the rest.
+    slide_mm: how far along an open direction a pose is moved, in steps of cell_mm; peak_share: of
+        the most points that coincide, what makes another shift a rival. gate_mm: of matches.
+    """
+
+    behind_mm: float = 12.0
+    missing_pixels: int = 12
+    near_mm: float = 25.0
+    off_mm: float = 8.0
+    on_mm: float = 5.0
+    least: int = 20
+    denied_share: float = 0.06
+    dropped_share: float = 0.3
+    slide_mm: float = 400.0
+    cell_mm: float = 2.0
+    peak_share: float = 0.4
+    gate_mm: float = 8.0
+    line_mm: float = 3.0
+
+
+@dataclass(frozen=True)
 class DecisionParams:
     """When an answer is given.
 
@@ -268,4 +296,5 @@ class GaussSphereParams:
     match: MatchParams = field(default_factory=MatchParams)
     decision: DecisionParams = field(default_factory=DecisionParams)
     bending: BendingParams = field(default_factory=BendingParams)
+    outlines: OutlineParams = field(default_factory=OutlineParams)
     whole_planes: WholePlaneParams = field(default_factory=WholePlaneParams)

@@ -7,6 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
+from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.beams import Fan, fan_of
 from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
@@ -120,8 +121,14 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     bias_mm = left_bias_mm(target, source, read_known(params.calibration), params.bending)
     if bias_mm > 0.0:
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
-    best = settled[0]
     result = judge(settled, target, source, params.decision)
+    if result.status != "ok":
+        left = appealed(settled, target, source, params)
+        if left:
+            if bias_mm > 0.0:
+                left[0] = doubted(left[0], target.patches, source.patches, bias_mm, params)
+            settled, result = left, judge(left, target, source, params.decision, appeal=True)
+    best = settled[0]
     if bias_mm > 0.0:
         about = UNFIT if params.calibration else BENT
         result = replace(result, notes=(about.format(bias_mm),))

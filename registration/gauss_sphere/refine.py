@@ -104,22 +104,23 @@ def widened(
     t: FloatArray,
     information: FloatArray,
     doubt: float,
-) -> None:
+) -> float:
     """The information under the least systematic error that explains the planes' disagreement.
 
     Maximising sharpens on the planes that agree; how sure the pose is must be told by all: their
     squared distances sum to the degrees of freedom, at most, or the error of every plane is larger.
 
-    information: (6, 6) out, for a floor of floor_mm or more. doubt: how much more than the degrees
-    of freedom the squared distances may sum to before it is more, in standard deviations.
+    information: (6, 6) out, for a floor of floor_mm or more, which is returned. doubt: standard
+    deviations over the degrees of freedom that the squared distances may sum to before it is more.
     """
     gradient, distance2, difference = np.empty(6), np.empty(pairs.shape[0]), no_difference()
     freedom = max(3 * pairs.shape[0] - 6, 1)
     low, high = floor_mm, max(likely.widest_mm, floor_mm)
-    floor = low
+    floor, used = low, low
     for step in range(WIDENING_STEPS):
+        used = floor
         _accumulate(
-            target, source, pairs, likely, floor, r, t, information, gradient, distance2, difference
+            target, source, pairs, likely, used, r, t, information, gradient, distance2, difference
         )
         total = 0.0
         for d2 in distance2:
@@ -131,6 +132,7 @@ def widened(
         else:
             high = floor
         floor = np.sqrt(low * high)
+    return float(used)
 
 
 @compiled

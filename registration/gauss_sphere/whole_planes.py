@@ -203,10 +203,10 @@ def _refine(
             n += 1
     distance2, information = np.empty(n_a * n_b), np.empty((6, 6))
     difference = no_difference()
-    before = sure.copy()
+    before, wide_mm = sure.copy(), 0.0
     for done in range(joining.rounds + 1):
         maximise(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, information, distance2, EXACTLY)
-        widened(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, sure, DOUBT)
+        wide_mm = widened(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, sure, DOUBT)
         if done == joining.rounds:
             break
         covariance = np.linalg.inv(sure + BARELY * before)
@@ -229,4 +229,4 @@ def _refine(
         used_a[best_i] = used_b[best_k] = True
         pairs[n, 0], pairs[n, 1] = best_i, best_k
         n += 1
-    take_chance(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, sure)
+    take_chance(whole_a, whole_b, pairs[:n], likely, wide_mm, r, t, sure)

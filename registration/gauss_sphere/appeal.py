@@ -1,0 +1,279 @@
+"""Poses that planes alone leave in doubt, judged again by the outlines of faces.
+
+Planes do not tell where along themselves they are seen, nor which of two like scenes is meant.
+Outlines do: a face that ends in one view must end there in the other, if that sees the place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from registration.gauss_sphere.decision import centre_of, uncertainty
+from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.outlines import Outlines, moved, outlines_of, told
+from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
+from registration.gauss_sphere.patches import middle
+from registration.gauss_sphere.small_matrices import apply_step
+from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View, rank
+from registration.kernels import compiled
+from registration.scan import FloatArray
+
+LIKE, SAME_WAY = 0.98, 0.95  # cosines between normals, and between outward directions
+ROUNDS = 3
+BARELY = 1e-9  # of the information: enough to solve for what stays open
+ANY_WAY = np.zeros(3)
+
+
+def appealed(
+    settled: list[Settled], target: View, source: View, params: GaussSphereParams
+) -> list[Settled]:
+    """The settled poses, moved to where outlines coincide, without those that outlines deny.
+
+    None are left where outlines do not confirm the best of them.
+    """
+    how = params.outlines
+    of_target, of_source = outlines_of(target, how), outlines_of(source, how)
+    starts = []
+    for pose in settled:
+        starts.extend(_shifts(pose, target, of_target, of_source, params))
+    rotations = np.array([r for r, _ in starts])
+    shifts = np.array([t for _, t in starts])
+    rough = params.verification
+    areas = rank(target, source, rotations, shifts, rough.rough_tolerance_mm, 1, rough)
+    scores = areas[:, SUPPORT] - rough.contradiction_weight * areas[:, CONTRADICTION]
+    poses: list[Settled] = []
+    for pose in settle_best(target, source, rotations, shifts, scores, params):
+        fixed = _fixed(pose, target, source, of_target, of_source, params)
+        if not any(_same(fixed, other, source, params) for other in poses):
+            poses.append(fixed)
+    said = [_said(pose, target, source, of_target, of_source, ANY_WAY, how) for pose in poses]
+    shares = [denied / max(confirmed + denied, how.least) for confirmed, denied in said]
+    sure = [share for share, (confirmed, _) in zip(shares, said, strict=True)
+            if confirmed >= how.least]  # fmt: skip
+    if not sure:
+        return []
+    most = min(sure) + how.dropped_share
+    left = [k for k in range(len(poses)) if shares[k] <= most]
+    first = left[0]
+    if said[first][0] < how.least or shares[first] > how.denied_share:
+        return []
+    return [poses[k] for k in left]
+
+
+def _shifts(
+    pose: Settled,
+    target: View,
+    of_target: Outlines,
+    of_source: Outlines,
+    params: GaussSphereParams,
+) -> list[tuple[FloatArray, FloatArray]]:
+    """A pose, or where along the one shift that its planes leave open outlines coincide."""
+    how, here = params.outlines, [(pose.rotation, pose.shift_mm)]
+    _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
+    if open_directions.shape[0] != 1:
+        return here
+    turn, shift = open_directions[0, :3], open_directions[0, 3:]
+    along = shift + np.cross(turn, centre_of(pose, target))
+    length = np.linalg.norm(along)
+    if np.linalg.norm(turn) * params.decision.open_mm > length * params.decision.open_rad:
+        return here
+    along = along / length
+    n = int(how.slide_mm / how.cell_mm)
+    points = _coincide(
+        of_target, moved(of_source, pose.rotation, pose.shift_mm), along, how.cell_mm, n,
+        how.on_mm,
+    )  # fmt: skip
+    found: list[tuple[FloatArray, FloatArray]] = []
+    most = max(points.max() * how.peak_share, how.least)
+    while points.max() >= most and len(found) < params.verification.kept:
+        k = int(points.argmax())
+        found.append((pose.rotation, pose.shift_mm + (k - n) * how.cell_mm * along))
+        near = int(params.decision.distinct_mm / how.cell_mm)
+        points[max(k - near, 0) : k + near + 1] = 0.0
+    return found or here
+
+
+def _said(
+    pose: Settled,
+    target: View,
+    source: View,
+    of_target: Outlines,
+    of_source: Outlines,
+    across: FloatArray,
+    how: OutlineParams,
+) -> tuple[int, int]:
+    """Points of outlines that the views confirm and deny each other under a pose."""
+    back_r = np.ascontiguousarray(pose.rotation.T)
+    back_t = -back_r @ pose.shift_mm
+    there = moved(of_source, pose.rotation, pose.shift_mm)
+    here = moved(of_target, back_r, back_t)
+    one = told(target, there, across, how.off_mm, how.on_mm, how.behind_mm)
+    other = told(source, here, back_r @ across, how.off_mm, how.on_mm, how.behind_mm)
+    return one[0] + other[0], one[1] + other[1]
+
+
+def _fixed(
+    pose: Settled,
+    target: View,
+    source: View,
+    of_target: Outlines,
+    of_source: Outlines,
+    params: GaussSphereParams,
+) -> Settled:
+    """The pose, moved by outlines and surer by them in what its planes leave open."""
+    how = params.outlines
+    _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
+    if not open_directions.shape[0]:
+        return pose
+    sure, known = (_without_negative(of, pose, target, params)
+                   for of in (pose.sure, pose.information))  # fmt: skip
+    r, t = pose.rotation.copy(), pose.shift_mm.copy()
+    information, gradient, step = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+    for done in range(ROUNDS + 1):
+        gate_mm = how.gate_mm if done == 0 else 0.5 * how.gate_mm
+        _accumulate(
+            of_target, moved(of_source, r, t), gate_mm, how.on_mm, how.line_mm, information,
+            gradient,
+        )  # fmt: skip
+        if done < ROUNDS:
+            curved = sure + information
+            curved += BARELY * np.diag(np.diag(curved))
+            step[:] = -np.linalg.solve(curved, gradient)
+            new_r, new_t = np.empty((3, 3)), np.empty(3)
+            apply_step(step, r, t, new_r, new_t)
+            r, t = new_r, new_t
+    moved_there = pose._replace(
+        rotation=r, shift_mm=t, sure=sure + information, information=known + information
+    )
+    centre = centre_of(pose, target)
+    for direction in open_directions:
+        across = direction[3:] + np.cross(direction[:3], centre)
+        across = across / max(float(np.linalg.norm(across)), 1e-12)
+        confirmed, denied = _said(
+            moved_there, target, source, of_target, of_source, across, how
+        )  # fmt: skip
+        if confirmed < how.least or denied > how.denied_share * (confirmed + denied):
+            return pose
+    return moved_there
+
+
+def _without_negative(
+    information: FloatArray, pose: Settled, target: View, params: GaussSphereParams
+) -> FloatArray:
+    """The information, nothing where chance was larger: about the middle of the surface."""
+    scale = np.array([params.decision.open_rad] * 3 + [params.decision.open_mm] * 3)
+    x, y, z = centre_of(pose, target)
+    about = np.eye(6)
+    about[3:, :3] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    back = np.linalg.inv(about) * scale
+    values, vectors = np.linalg.eigh(back.T @ information @ back)
+    half = np.linalg.inv(back).T @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    kept: FloatArray = half @ half.T
+    return kept
+
+
+def _same(one: Settled, other: Settled, source: View, params: GaussSphereParams) -> bool:
+    centre = middle(source.patches)
+    turn = one.rotation - other.rotation
+    apart = turn @ centre + one.shift_mm - other.shift_mm
+    # |Ra - Rb|^2 = 8 sin^2(angle / 2) for rotations.
+    angle = 2.0 * np.arcsin(min(np.sqrt((turn**2).sum() / 8.0), 1.0))
+    limits = params.decision
+    return bool(angle < limits.distinct_rad and np.linalg.norm(apart) < limits.distinct_mm)
+
+
+@compiled
+def _coincide(
+    of_target: Outlines, of_source: Outlines, along: FloatArray, cell: float, n: int, on_mm: float
+) -> FloatArray:
+    """(2 n + 1,) points of the source's outlines that lie on the target's, shift by shift."""
+    points, last = np.zeros(2 * n + 1), np.full(2 * n + 1, -1)
+    a, b = of_target, of_source
+    slant = np.empty(a.line.size)
+    for i in range(a.line.size):
+        o = a.outward[i]
+        slant[i] = o[0] * along[0] + o[1] * along[1] + o[2] * along[2]
+    for k in range(b.line.size):
+        m, normal = b.outward[k], b.normal[k]
+        if abs(m[0] * along[0] + m[1] * along[1] + m[2] * along[2]) < 0.2:
+            continue
+        for i in range(a.line.size):
+            if abs(slant[i]) < 0.3:
+                continue
+            same_way, like, over, ahead, aside, drift = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for u in range(3):
+                d = a.point_mm[i, u] - b.point_mm[k, u]
+                same_way += a.outward[i, u] * m[u]
+                like += a.normal[i, u] * normal[u]
+                over += a.normal[i, u] * d
+                ahead += a.outward[i, u] * d
+                aside += a.along[i, u] * d
+                drift += a.along[i, u] * along[u]
+            if same_way < SAME_WAY or like < LIKE or abs(over) > on_mm:
+                continue
+            shift = ahead / slant[i]
+            if abs(aside - shift * drift) > on_mm:
+                continue
+            c = int(np.floor(shift / cell + 0.5)) + n
+            for v in range(max(c - 1, 0), min(c + 2, 2 * n + 1)):
+                if last[v] != k:
+                    last[v] = k
+                    points[v] += 1.0
+    return points
+
+
+@compiled
+def _accumulate(
+    of_target: Outlines,
+    of_source: Outlines,
+    gate_mm: float,
+    on_mm: float,
+    line_mm: float,
+    information: FloatArray,
+    gradient: FloatArray,
+) -> None:
+    """Information (6, 6) and gradient of the distances across outlines; a line errs as one."""
+    a, b = of_target, of_source
+    information[:] = 0.0
+    gradient[:] = 0.0
+    lines = 0
+    for i in range(a.line.size):
+        lines = max(lines, a.line[i] + 1)
+    met, points = np.full(b.line.size, -1), np.zeros(lines)
+    for k in range(b.line.size):
+        nearest2 = 2.0 * gate_mm * gate_mm
+        for i in range(a.line.size):
+            same_way, like, over, ahead, away2 = 0.0, 0.0, 0.0, 0.0, 0.0
+            for u in range(3):
+                d = a.point_mm[i, u] - b.point_mm[k, u]
+                away2 += d * d
+                same_way += a.outward[i, u] * b.outward[k, u]
+                like += a.normal[i, u] * b.normal[k, u]
+                over += a.normal[i, u] * d
+                ahead += a.outward[i, u] * d
+            if away2 > nearest2 or same_way < SAME_WAY or like < LIKE:
+                continue
+            if abs(over) < on_mm and abs(ahead) < gate_mm:
+                nearest2 = away2
+                met[k] = i
+        if met[k] >= 0:
+            points[a.line[met[k]]] += 1.0
+    row = np.empty(6)
+    for k in range(b.line.size):
+        i = met[k]
+        if i < 0:
+            continue
+        ahead = 0.0
+        for u in range(3):
+            ahead += a.outward[i, u] * (b.point_mm[k, u] - a.point_mm[i, u])
+            row[3 + u] = a.outward[i, u]
+        q = b.point_mm[k]
+        row[0] = q[1] * row[5] - q[2] * row[4]
+        row[1] = q[2] * row[3] - q[0] * row[5]
+        row[2] = q[0] * row[4] - q[1] * row[3]
+        alone = a.variance_mm2[i] + b.variance_mm2[k]
+        w = 1.0 / (points[a.line[i]] * line_mm * line_mm + alone)
+        for u in range(6):
+            gradient[u] += w * row[u] * ahead
+            for v in range(6):
+                information[u, v] += w * row[u] * row[v]

@@ -1,0 +1,293 @@
+"""Where planes end in free space: the outlines of their faces, as a view sees them.
+
+A face that ends before something farther away ends there for every view. A plane does not tell
+where along itself it is seen; its outline does. Where a face ends because something nearer hides
+the rest, the view says nothing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from registration.gauss_sphere.beams import Fan
+from registration.gauss_sphere.params import OutlineParams
+from registration.gauss_sphere.patches import Patches
+from registration.gauss_sphere.verification import View
+from registration.kernels import compiled
+from registration.scan import FloatArray, IntArray
+
+SIDES = 4  # higher and lower pixels, later and earlier profiles
+GRAZING = 0.05  # a beam that meets a plane at less (cosine, times its slant) says too little
+MOST_MIXED = 2  # points between the face and what is behind it
+LEAST_NEIGHBOURS, NEAR_PROFILES = 5, 6
+ON, FREE, UNKNOWN = range(3)
+
+
+class Outlines(NamedTuple):
+    """Points of outlines, each with the direction of the line that its neighbours make.
+
+    point_mm: (n, 3) on a plane; outward, along, normal: (n, 3) unit, in the plane away from the
+    face, in the plane along the outline, and across the plane.
+    line: (n,) patch and side, as one number; variance_mm2: (n,) of the point, outward.
+    """
+
+    point_mm: FloatArray
+    outward: FloatArray
+    along: FloatArray
+    normal: FloatArray
+    line: IntArray
+    variance_mm2: FloatArray
+
+
+def outlines_of(view: View, params: OutlineParams) -> Outlines:
+    """The outlines that a view sees of its planes."""
+    return _outlines(
+        view.fan, view.patches, params.behind_mm, params.missing_pixels, params.near_mm
+    )
+
+
+@compiled
+def _depth_on(fan: Fan, patches: Patches, i: int, x: float, slope: float) -> float:
+    """Where a beam meets plane i, as a depth; NaN where it grazes it or comes from behind."""
+    n = patches.normal[i]
+    along = n[1] * slope + n[2]
+    if along > -GRAZING:
+        return np.nan
+    y, z = fan.apex_mm[1] + fan.lean[0] * x, fan.apex_mm[2] + fan.lean[1] * x
+    return float((patches.offset_mm[i] - n[0] * x - n[1] * y - n[2] * z) / along)
+
+
+@compiled
+def _ends(
+    fan: Fan, patches: Patches, p: int, u: int, dp: int, du: int, behind: float, most_missing: int
+) -> tuple[int, int, float]:
+    """The last point of a face from point (p, u) on, and how many cells on it ends (-1: unknown).
+
+    The next points may lie on the plane without its label, or between it and what is behind.
+    """
+    depth, label, i = fan.depth_mm, patches.label, patches.label[p, u]
+    rows, columns = label.shape
+    missing, mixed = 0, 0
+    last_p, last_u, a, b = p, u, p + dp, u + du
+    while 0 <= a < rows and 0 <= b < columns:
+        if label[a, b] == i:
+            break
+        if not np.isfinite(depth[a, b]):
+            missing += 1
+            if missing > most_missing:
+                break
+        else:
+            off = depth[a, b] - _depth_on(fan, patches, i, fan.x_mm[a], fan.slope[a, b])
+            close = 3.0 * fan.sigma_mm[a, b] + 0.5
+            if off > behind:
+                return last_p, last_u, 0.5 * (1.0 + (mixed if missing == 0 else 0))
+            if missing == 0 and mixed == 0 and label[a, b] < 0 and abs(off) < close:
+                if abs(a - p) + abs(b - u) > MOST_MIXED:
+                    break
+                last_p, last_u = a, b
+            elif off > -close and mixed < MOST_MIXED:
+                mixed += 1
+            else:
+                break
+        a += dp
+        b += du
+    return last_p, last_u, -1.0
+
+
+@compiled
+def _outlines(
+    fan: Fan, patches: Patches, behind: float, missing_pixels: int, near: float
+) -> Outlines:
+    label = patches.label
+    rows, columns = label.shape
+    step = (fan.x_mm[rows - 1] - fan.x_mm[0]) / max(rows - 1, 1)
+    pitch = (fan.column_slope[columns - 1] - fan.column_slope[0]) / max(columns - 1, 1)
+    room = 2 * (rows + columns) + np.count_nonzero(label >= 0) // 2
+    point, beyond = np.empty((room, 3)), np.empty((room, 3))
+    line, row = np.empty(room, np.int64), np.empty(room, np.int64)
+    n = 0
+    for p in range(rows):
+        for u in range(columns):
+            i = label[p, u]
+            if i < 0:
+                continue
+            for side in range(SIDES):
+                dp, du = 0, 0
+                if side < 2:
+                    du = 1 - 2 * side
+                else:
+                    dp = 5 - 2 * side
+                a, b = p + dp, u + du
+                if a < 0 or b < 0 or a >= rows or b >= columns or label[a, b] == i or n == room:
+                    continue
+                most_missing = missing_pixels if side < 2 else 2
+                a, b, cells = _ends(fan, patches, p, u, dp, du, behind, most_missing)
+                if cells < 0.0:
+                    continue
+                known = True
+                for end in range(2):
+                    x = fan.x_mm[a] + end * dp * step * cells
+                    slope = fan.slope[a, b] + end * du * pitch * cells
+                    depth = _depth_on(fan, patches, i, x, slope)
+                    known = known and np.isfinite(depth)
+                    here = (
+                        x,
+                        fan.apex_mm[1] + fan.lean[0] * x + slope * depth,
+                        fan.apex_mm[2] + fan.lean[1] * x + depth,
+                    )
+                    for v in range(3):
+                        beyond[n, v] = here[v] - (point[n, v] if end else 0.0)
+                        point[n, v] = here[v]
+                if known:
+                    line[n], row[n] = SIDES * i + side, p
+                    n += 1
+    return _lines(patches, point[:n], beyond[:n], line[:n], row[:n], near)
+
+
+@compiled
+def _lines(
+    patches: Patches,
+    point: FloatArray,
+    beyond: FloatArray,
+    line: IntArray,
+    row: IntArray,
+    near: float,
+) -> Outlines:
+    """The points whose neighbours of the same side make a line, put on it."""
+    n, k = line.size, 0
+    out = Outlines(
+        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)),
+        np.empty(n, np.int64), np.empty(n),
+    )  # fmt: skip
+    order = np.argsort(line, kind="mergesort")  # rows stay in order within a line
+    low = 0
+    for place in range(n):
+        j = order[place]
+        basis = patches.basis[line[j] // SIDES]
+        while line[order[low]] != line[j] or row[j] - row[order[low]] > NEAR_PROFILES:
+            low += 1
+        count, sx, sy, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for q in range(low, n):
+            other = order[q]
+            if line[other] != line[j] or row[other] - row[j] > NEAR_PROFILES:
+                break
+            x, y, away2 = 0.0, 0.0, 0.0
+            for v in range(3):
+                d = point[other, v] - point[j, v]
+                x += d * basis[0, v]
+                y += d * basis[1, v]
+                away2 += d * d
+            if away2 < near * near:
+                count += 1
+                sx, sy, sxx, sxy, syy = sx + x, sy + y, sxx + x * x, sxy + x * y, syy + y * y
+        if count < LEAST_NEIGHBOURS:
+            continue
+        sx, sy = sx / count, sy / count
+        sxx, sxy, syy = sxx / count - sx * sx, sxy / count - sx * sy, syy / count - sy * sy
+        angle = 0.5 * np.arctan2(2.0 * sxy, sxx - syy)
+        ax, ay = np.cos(angle), np.sin(angle)
+        scatter = sxx * ay * ay - 2.0 * sxy * ax * ay + syy * ax * ax
+        bx, by = 0.0, 0.0
+        for v in range(3):
+            bx += beyond[j, v] * basis[0, v]
+            by += beyond[j, v] * basis[1, v]
+        half = ax * by - ay * bx  # of a cell, outward
+        if abs(half) < 0.3 * np.sqrt(bx * bx + by * by):
+            continue  # the other sides see this outline better
+        if scatter > (1.0 + 0.7 * abs(half)) ** 2:
+            continue
+        ox, oy = (-ay, ax) if half > 0.0 else (ay, -ax)
+        offset = sx * ox + sy * oy
+        for v in range(3):
+            out.outward[k, v] = ox * basis[0, v] + oy * basis[1, v]
+            out.along[k, v] = ax * basis[0, v] + ay * basis[1, v]
+            out.normal[k, v] = patches.normal[line[j] // SIDES, v]
+            out.point_mm[k, v] = point[j, v] + offset * out.outward[k, v]
+        out.line[k] = line[j]
+        out.variance_mm2[k] = half * half / 3.0 + scatter
+        k += 1
+    return Outlines(
+        out.point_mm[:k], out.outward[:k], out.along[:k], out.normal[:k], out.line[:k],
+        out.variance_mm2[:k],
+    )  # fmt: skip
+
+
+@compiled
+def moved(outlines: Outlines, r: FloatArray, t: FloatArray) -> Outlines:
+    """The outlines in the frame of the other view, under a pose."""
+    n = outlines.line.size
+    out = Outlines(
+        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), outlines.line,
+        outlines.variance_mm2,
+    )  # fmt: skip
+    for j in range(n):
+        for u in range(3):
+            point, outward, along, normal = t[u], 0.0, 0.0, 0.0
+            for v in range(3):
+                point += r[u, v] * outlines.point_mm[j, v]
+                outward += r[u, v] * outlines.outward[j, v]
+                along += r[u, v] * outlines.along[j, v]
+                normal += r[u, v] * outlines.normal[j, v]
+            out.point_mm[j, u], out.outward[j, u] = point, outward
+            out.along[j, u], out.normal[j, u] = along, normal
+    return out
+
+
+@compiled
+def _what_is_at(
+    view: View, outlines: Outlines, j: int, off: float, on_mm: float, behind: float
+) -> int:
+    """What the view sees at off mm outward of point j: the same face, free space, or neither."""
+    fan, patches = view.fan, view.patches
+    x = outlines.point_mm[j, 0] + off * outlines.outward[j, 0]
+    y = outlines.point_mm[j, 1] + off * outlines.outward[j, 1]
+    z = outlines.point_mm[j, 2] + off * outlines.outward[j, 2]
+    rows = fan.x_mm.size
+    step = (fan.x_mm[rows - 1] - fan.x_mm[0]) / max(rows - 1, 1)
+    depth = z - fan.lean[1] * x - fan.apex_mm[2]
+    row = np.floor((x - fan.x_mm[0]) / step + 0.5)
+    cell = ((y - fan.lean[0] * x - fan.apex_mm[1]) / depth - view.slope_low) * view.cells_per_slope
+    if not (0.0 <= row < rows and 0.0 <= cell < view.pixel_of.size and depth > 1.0):
+        return UNKNOWN
+    p, u = np.int64(row), view.pixel_of[np.int64(cell)]
+    if u < 0:
+        return UNKNOWN
+    i = patches.label[p, u]
+    if i >= 0:
+        n, m = patches.normal[i], outlines.normal[j]
+        away = n[0] * x + n[1] * y + n[2] * z - patches.offset_mm[i]
+        if abs(away) < on_mm and n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > 0.96:
+            return ON
+    return FREE if fan.depth_mm[p, u] > depth + behind else UNKNOWN
+
+
+@compiled
+def told(
+    view: View,
+    outlines: Outlines,
+    across: FloatArray,
+    off: float,
+    on_mm: float,
+    behind: float,
+) -> tuple[int, int]:
+    """How many points of the other view's moved outlines this view confirms, and denies.
+
+    It confirms one where it sees the face inside of it and free space outside, and denies it where
+    it sees the face on both sides, or nothing where the face should be.
+    across: (3,) only points whose outward direction has a share along it count; 0 for all.
+    """
+    confirmed, denied = 0, 0
+    any_way = across[0] == 0.0 and across[1] == 0.0 and across[2] == 0.0
+    for j in range(outlines.line.size):
+        o = outlines.outward[j]
+        if not any_way and abs(o[0] * across[0] + o[1] * across[1] + o[2] * across[2]) < 0.3:
+            continue
+        inside = _what_is_at(view, outlines, j, -off, on_mm, behind)
+        if inside == UNKNOWN:
+            continue
+        outside = _what_is_at(view, outlines, j, off, on_mm, behind)
+        confirmed += inside == ON and outside == FREE
+        denied += inside == FREE or outside == ON
+    return confirmed, denied

@@ -1,0 +1,161 @@
+"""Outlines of faces, and what they decide where planes leave a pose in doubt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plane_scans import (
+    Pair,
+    Plates,
+    join,
+    move_plates,
+    plates_from,
+    pose_error,
+    random_view,
+    scan_plates,
+)
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from registration import RegistrationResult, register
+from registration.gauss_sphere.chance import take_chance
+from registration.gauss_sphere.matching import settle_best
+from registration.gauss_sphere.outlines import moved, outlines_of, told
+from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
+from registration.gauss_sphere.pipeline import describe
+from registration.gauss_sphere.refine import likelihood, widened
+
+ROOM = Rotation.from_euler("YX", [35.0, 20.0], degrees=True)
+MIDDLE = np.array([150.0, 0.0, 930.0])
+HOW = OutlineParams()
+BLIND = GaussSphereParams(outlines=OutlineParams(least=10**9))
+
+
+def boards(rng: np.random.Generator) -> Plates:
+    """Floor and wall, which meet along the room's Y, and boards parallel to them that end in Y."""
+    normals = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+    places = [[-90.0, 0.0, -100.0], [100.0, 0.0, 170.0]]
+    halves = [[400.0, 500.0], [400.0, 500.0]]
+    for k in range(3):
+        normals += [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]
+        y, z = rng.uniform(-40.0, 40.0), rng.uniform(-70.0, 60.0)
+        places += [[60.0 - 50.0 * k, y + 90.0 * (k - 1), z], [30.0, y + 90.0 * (k - 1), z - 60.0]]
+        halves += [[40.0, rng.uniform(25.0, 45.0)], [50.0, rng.uniform(25.0, 45.0)]]
+    at = MIDDLE + ROOM.apply(places)
+    return plates_from(ROOM.apply(normals), at, np.array(halves))
+
+
+def pair_of(plates: Plates, rng: np.random.Generator) -> Pair:
+    T_source_target = random_view(rng, turn_deg=12.0)
+    return Pair(
+        scan_plates(plates, noise=1.0, rng=rng),
+        scan_plates(move_plates(plates, T_source_target), noise=1.0, rng=rng),
+        T_source_target.inv(),
+    )
+
+
+def off(pair: Pair, result: RegistrationResult) -> tuple[float, float]:
+    T_exact, T = pair.T_target_source, result.T_target_source
+    assert T is not None
+    turn_deg, _ = pose_error(T, T_exact)
+    return turn_deg, float(np.linalg.norm(T.apply(T_exact.inv().apply(MIDDLE)) - MIDDLE))
+
+
+def test_outlines_lie_where_a_face_ends_and_point_away_from_it() -> None:
+    plates = join(
+        plates_from(np.array([[0.0, 0.0, -1.0]]), np.array([[150.0, 0.0, 800.0]]),
+                    np.array([[62.5, 80.0]])),
+        plates_from(np.array([[0.0, 0.0, -1.0]]), np.array([[150.0, 0.0, 1000.0]]),
+                    np.array([[400.0, 400.0]])),
+    )  # fmt: skip
+    view = describe(
+        scan_plates(plates, noise=0.3, rng=np.random.default_rng(3)), GaussSphereParams()
+    )
+    seen = outlines_of(view, HOW)
+    away = seen.point_mm - [150.0, 0.0, 800.0]
+    assert seen.line.size > 60
+    # The sides across the travel lie midway between two profiles; beams are 1.6 mm apart.
+    past = (seen.outward * away).sum(axis=1) - np.abs(seen.outward @ [62.5, 0, 0])
+    past -= np.abs(seen.outward @ [0.0, 80.0, 0.0])
+    along_a_side = np.abs(seen.outward).max(axis=1) > 0.99
+    assert np.mean(along_a_side) > 0.8
+    assert np.abs(past[along_a_side]).max() < 2.0
+    assert np.abs(np.median(past[along_a_side])) < 1.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_views_confirm_outlines_under_the_true_pose_and_deny_them_beside_it(seed: int) -> None:
+    pair = pair_of(boards(np.random.default_rng(seed)), np.random.default_rng(seed))
+    target, source = (describe(scan, GaussSphereParams()) for scan in (pair.target, pair.source))
+    T, outlines = pair.T_target_source, outlines_of(source, HOW)
+
+    def said(shift_mm: float) -> tuple[int, int]:
+        r = np.ascontiguousarray(T.rotation.as_matrix())
+        t = np.asarray(T.translation) + shift_mm * ROOM.apply([0.0, 1.0, 0.0])
+        there = moved(outlines, r, t)
+        return told(target, there, np.zeros(3), HOW.off_mm, HOW.on_mm, HOW.behind_mm)
+
+    confirmed, denied = said(0.0)
+    assert confirmed > 50
+    assert denied < 0.05 * confirmed
+    confirmed, denied = said(30.0)
+    assert denied > 0.3 * confirmed
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_outlines_fix_the_shift_that_planes_leave_open(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pair = pair_of(boards(rng), rng)
+    result = register(pair.target, pair.source)
+    assert result.status == "ok", result.reason
+    turn_deg, off_mm = off(pair, result)
+    assert turn_deg < 0.5
+    assert off_mm < 5.0
+    error = pair.T_target_source * result.T_target_source.inv()
+    step = np.concatenate([error.rotation.as_rotvec(), error.translation])
+    assert step @ np.linalg.solve(result.covariance, step) < 22.5  # 99.9 % of six
+    assert register(pair.target, pair.source, params=BLIND).status == "underdetermined"
+
+
+def test_outlines_that_repeat_themselves_do_not_fix_it() -> None:
+    y = np.arange(-440.0, 441.0, 80.0)
+    slats = np.stack([0.0 * y, y, 0.0 * y + 60.0], axis=1)
+    normals = np.concatenate([[[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], [[0.0, 0.0, -1.0]] * y.size])
+    places = np.concatenate([[[-90.0, 0.0, -100.0], [100.0, 0.0, 170.0]], slats])
+    halves = np.concatenate([[[400.0, 900.0]] * 2, [[70.0, 22.0]] * y.size])
+    plates = plates_from(ROOM.apply(normals), MIDDLE + ROOM.apply(places), halves)
+    for seed in range(3):
+        pair = pair_of(plates, np.random.default_rng(seed))
+        assert register(pair.target, pair.source).status != "ok"
+
+
+def test_chance_is_taken_under_the_systematic_error_that_the_information_has() -> None:
+    rng = np.random.default_rng(5)
+    angle = np.linspace(-1.2, 1.2, 15)
+    normals = np.stack([0.5 * np.cos(3.0 * angle), np.sin(angle), -np.cos(angle)], axis=1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    spread = np.stack([rng.uniform(-80, 80, 15), 130.0 * angle, rng.uniform(-60, 60, 15)], axis=1)
+    plates = plates_from(normals, MIDDLE + spread, np.full((15, 2), 28.0))
+    T = RigidTransform.identity()
+    # In the other view each plate has moved by itself: the planes disagree.
+    shaken = replace(plates, centre_mm=plates.centre_mm + rng.normal(0.0, 2.0, (15, 3)))
+    params = GaussSphereParams()
+    target, source = (
+        describe(scan_plates(p, noise=0.5, rng=rng), params) for p in (plates, shaken)
+    )
+    rotation, shift_mm = T.as_matrix()[None, :3, :3].copy(), np.zeros((1, 3))
+    (pose,) = settle_best(target, source, rotation, shift_mm, np.ones(1), params)
+
+    def left(of_wide: bool) -> np.ndarray:
+        how = (target.patches, source.patches, pose.pairs, likelihood(params.refine))
+        information = np.empty((6, 6))
+        wide_mm = widened(*how, pose.floor_mm, pose.rotation, pose.shift_mm, information, 0.0)
+        assert wide_mm > 2.0 * pose.floor_mm
+        floor_mm = wide_mm if of_wide else pose.floor_mm
+        take_chance(*how, floor_mm, pose.rotation, pose.shift_mm, information)
+        return information
+
+    np.testing.assert_allclose(pose.sure, left(of_wide=True), rtol=1e-9)
+    assert np.linalg.eigvalsh(left(of_wide=True))[0] > 0.0
+    assert not np.allclose(left(of_wide=False), left(of_wide=True), rtol=1e-6)
