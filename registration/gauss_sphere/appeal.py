@@ -46,6 +46,7 @@ def appealed(
         fixed = _fixed(pose, target, source, of_target, of_source, params)
         if not any(_same(fixed, other, source, params) for other in poses):
             poses.append(fixed)
+    needed = max(how.least, how.confirmed_share * (of_target.line.size + of_source.line.size))
     said = [_said(pose, target, source, of_target, of_source, ANY_WAY, how) for pose in poses]
     shares = [denied / max(confirmed + denied, how.least) for confirmed, denied in said]
     sure = [share for share, (confirmed, _) in zip(shares, said, strict=True)
@@ -55,7 +56,7 @@ def appealed(
     most = min(sure) + how.dropped_share
     left = [k for k in range(len(poses)) if shares[k] <= most]
     first = left[0]
-    if said[first][0] < how.least or shares[first] > how.denied_share:
+    if said[first][0] < needed or shares[first] > how.denied_share:
         return []
     return [poses[k] for k in left]
 

@@ -217,9 +217,11 @@ class OutlineParams:
 
     behind_mm: a face ends where what comes next lies so much farther away, at most missing_pixels
         on. near_mm: points of an outline so close make its line, which errs by line_mm.
+    most_points: of a view's outlines that are looked at.
     off_mm: how far to both sides of an outline the other view is asked, on_mm: from its plane.
-    least: points that must be confirmed. denied_share: of those that the other view says something
-        of, what it may deny of the best pose; dropped_share: more than of another, of the rest.
+    least, confirmed_share: points, and share of all, that must be confirmed. denied_share: of those
+        that the other view says something of, what it may deny of the best pose; dropped_share:
+        more than of another, of the rest.
     slide_mm: how far along an open direction a pose is moved, in steps of cell_mm; peak_share: of
         the most points that coincide, what makes another shift a rival. gate_mm: of matches.
     """
@@ -229,7 +231,9 @@ class OutlineParams:
     near_mm: float = 25.0
     off_mm: float = 8.0
     on_mm: float = 5.0
+    most_points: int = 600
     least: int = 20
+    confirmed_share: float = 0.12
     denied_share: float = 0.06
     dropped_share: float = 0.3
     slide_mm: float = 400.0
