@@ -46,8 +46,16 @@ def outlines_of(view: View, params: OutlineParams) -> Outlines:
     found = _outlines(
         view.fan, view.patches, params.behind_mm, params.missing_pixels, params.near_mm
     )
-    stride = -(-found.line.size // params.most_points)
-    return Outlines(*(each[::stride].copy() for each in found)) if stride > 1 else found
+    kept = np.arange(0, found.line.size, max(-(-found.line.size // params.most_points), 1))
+    return _chosen(found, kept)
+
+
+@compiled
+def _chosen(outlines: Outlines, kept: IntArray) -> Outlines:
+    return Outlines(
+        outlines.point_mm[kept], outlines.outward[kept], outlines.along[kept],
+        outlines.normal[kept], outlines.line[kept], outlines.variance_mm2[kept],
+    )  # fmt: skip
 
 
 @compiled
@@ -210,10 +218,7 @@ def _lines(
         out.line[k] = line[j]
         out.variance_mm2[k] = half * half / 3.0 + scatter
         k += 1
-    return Outlines(
-        out.point_mm[:k], out.outward[:k], out.along[:k], out.normal[:k], out.line[:k],
-        out.variance_mm2[:k],
-    )  # fmt: skip
+    return _chosen(out, np.arange(k))
 
 
 @compiled
