@@ -24,6 +24,15 @@ def corner_scan(profiles: int = 24, pixels: int = 64) -> Scan:
     return Scan.from_points(np.stack([x, y, z], axis=2), step_mm=5.0)
 
 
+def sliding_scan(profiles: int = 40, pixels: int = 96) -> Scan:
+    """Floor and wall, which leave one shift open, and things before them whose outlines fix it."""
+    x, y = np.meshgrid(np.arange(profiles) * 5.0, np.linspace(-150.0, 150.0, pixels), indexing="ij")
+    z = 900.0 - np.where(x > 100.0, 1.5 * (x - 100.0), 0.0)
+    z = np.where((abs(y - 40.0) < 30.0) & (abs(x - 50.0) < 30.0), 850.0, z)
+    z = np.where((abs(y + 60.0) < 25.0) & (abs(x - 60.0) < 25.0), 830.0, z)
+    return Scan.from_points(np.stack([x, y * z / 900.0, z], axis=2), step_mm=5.0)
+
+
 def no_bias() -> Calibration:
     """A calibration that changes nothing, so that what takes a bias out has something to do."""
     nodes = np.array([0.0, 1500.0])
@@ -35,6 +44,7 @@ def no_bias() -> Calibration:
 if __name__ == "__main__":
     for name in METHODS.keys() - PEERS.keys():
         register(corner_scan(), corner_scan(), method=name)
+    register(sliding_scan(), sliding_scan(), method="gauss_sphere")
     with TemporaryDirectory() as folder:
         path = Path(folder) / "calibration.json"
         no_bias().write(path)

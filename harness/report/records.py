@@ -100,7 +100,8 @@ def _load(folder: Path, identity: str) -> dict[str, Any] | None:
 def _agrees(record: Mapping[str, Any], status: str, notes: str, rotation_error_deg: float) -> bool:
     """Whether a record is that of a row; NaN is a row without an estimate."""
     error = record["error"]
-    if (record["status"], record.get("notes")) != (status, notes.splitlines()):
+    noted = record.get("notes")
+    if record["status"] != status or noted is None or "\n".join(noted) != notes:
         return False
     return math.isnan(rotation_error_deg) if error is None else error[0] == rotation_error_deg
 

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.decision import centre_of, uncertainty
 from registration.gauss_sphere.matching import Settled, settle_best
 from registration.gauss_sphere.outlines import Outlines, moved, outlines_of, told
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.patches import middle
+from registration.gauss_sphere.poses import are_same
+from registration.gauss_sphere.refine import distances2, likelihood
 from registration.gauss_sphere.small_matrices import apply_step
 from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View, rank
 from registration.kernels import compiled
@@ -25,27 +28,35 @@ ANY_WAY = np.zeros(3)
 
 
 def appealed(
-    settled: list[Settled], target: View, source: View, params: GaussSphereParams
+    settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
 ) -> list[Settled]:
     """The settled poses, moved to where outlines coincide, without those that outlines deny.
 
-    None are left where outlines do not confirm the best of them.
+    bias_mm: what is seen of a bias of the planes. None are left where outlines do not confirm the
+    best of them.
     """
     how = params.outlines
     of_target, of_source = outlines_of(target, how), outlines_of(source, how)
     starts = []
     for pose in settled:
-        starts.extend(_shifts(pose, target, of_target, of_source, params))
+        starts.extend(_starts(pose, target, of_target, of_source, params))
     rotations = np.array([r for r, _ in starts])
     shifts = np.array([t for _, t in starts])
     rough = params.verification
     areas = rank(target, source, rotations, shifts, rough.rough_tolerance_mm, 1, rough)
     scores = areas[:, SUPPORT] - rough.contradiction_weight * areas[:, CONTRADICTION]
     poses: list[Settled] = []
-    for pose in settle_best(target, source, rotations, shifts, scores, params):
-        fixed = _fixed(pose, target, source, of_target, of_source, params)
-        if not any(_same(fixed, other, source, params) for other in poses):
-            poses.append(fixed)
+    centre = middle(source.patches)
+    distinct = params.decision.distinct_rad, params.decision.distinct_mm
+    again = settle_best(target, source, rotations, shifts, scores, params)
+    if bias_mm > 0.0:
+        again = [doubted(p, target.patches, source.patches, bias_mm, params) for p in again]
+    fixed = [_fixed(pose, target, source, of_target, of_source, params) for pose in again]
+    for one in sorted(fixed, key=lambda pose: -pose.score):
+        known = (are_same(one.rotation, one.shift_mm, other.rotation, other.shift_mm, centre,
+                          *distinct) for other in poses)  # fmt: skip
+        if not any(known):
+            poses.append(one)
     needed = max(how.least, how.confirmed_share * (of_target.line.size + of_source.line.size))
     said = [_said(pose, target, source, of_target, of_source, ANY_WAY, how) for pose in poses]
     shares = [denied / max(confirmed + denied, how.least) for confirmed, denied in said]
@@ -61,7 +72,7 @@ def appealed(
     return [poses[k] for k in left]
 
 
-def _shifts(
+def _starts(
     pose: Settled,
     target: View,
     of_target: Outlines,
@@ -129,7 +140,8 @@ def _fixed(
     sure, known = (_without_negative(of, pose, target, params)
                    for of in (pose.sure, pose.information))  # fmt: skip
     r, t = pose.rotation.copy(), pose.shift_mm.copy()
-    information, gradient, step = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+    information, gradient = np.zeros((6, 6)), np.zeros(6)
+    step, whole = np.zeros(6), np.zeros(6)
     for done in range(ROUNDS + 1):
         gate_mm = how.gate_mm if done == 0 else 0.5 * how.gate_mm
         _accumulate(
@@ -139,12 +151,30 @@ def _fixed(
         if done < ROUNDS:
             curved = sure + information
             curved += BARELY * np.diag(np.diag(curved))
-            step[:] = -np.linalg.solve(curved, gradient)
+            # The planes go on pulling to where they had the pose.
+            step[:] = -np.linalg.solve(curved, gradient + sure @ whole)
+            whole += step
             new_r, new_t = np.empty((3, 3)), np.empty(3)
             apply_step(step, r, t, new_r, new_t)
             r, t = new_r, new_t
+    areas = rank(target, source, r[None], t[None], params.match.tolerances_mm[-1], 1,
+                 params.verification)[0]  # fmt: skip
     moved_there = pose._replace(
-        rotation=r, shift_mm=t, sure=sure + information, information=known + information
+        rotation=r,
+        shift_mm=t,
+        sure=sure + information,
+        information=known + information,
+        distance2=distances2(
+            target.patches,
+            source.patches,
+            pose.pairs,
+            likelihood(params.refine),
+            pose.floor_mm,
+            r,
+            t,
+        ),
+        areas=areas,
+        score=areas[SUPPORT] - params.verification.contradiction_weight * areas[CONTRADICTION],
     )
     centre = centre_of(pose, target)
     for direction in open_directions:
@@ -171,16 +201,6 @@ def _without_negative(
     half = np.linalg.inv(back).T @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     kept: FloatArray = half @ half.T
     return kept
-
-
-def _same(one: Settled, other: Settled, source: View, params: GaussSphereParams) -> bool:
-    centre = middle(source.patches)
-    turn = one.rotation - other.rotation
-    apart = turn @ centre + one.shift_mm - other.shift_mm
-    # |Ra - Rb|^2 = 8 sin^2(angle / 2) for rotations.
-    angle = 2.0 * np.arcsin(min(np.sqrt((turn**2).sum() / 8.0), 1.0))
-    limits = params.decision
-    return bool(angle < limits.distinct_rad and np.linalg.norm(apart) < limits.distinct_mm)
 
 
 @compiled

@@ -138,11 +138,15 @@ class _PixelLines(NamedTuple):
 
 @compiled
 def _pixel_lines(points: FloatArray, origins: FloatArray, stride: int) -> _PixelLines:
-    """The lines of all pixels, from every stride-th profile."""
+    """The lines of all pixels from every stride-th profile, the least depth from all."""
     n_pixels = points.shape[1]
     n, first_y, first_z = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
     sum_y, sum_z, sum_zz, sum_yz = np.zeros((4, n_pixels))
     least_z = np.inf
+    for p in range(points.shape[0]):
+        for u in range(n_pixels):
+            z = points[p, u, 2] - origins[p, 2]
+            least_z = z if z < least_z else least_z
     for p in range(0, points.shape[0], stride):
         for u in range(n_pixels):
             y, z = points[p, u, 1] - origins[p, 1], points[p, u, 2] - origins[p, 2]
@@ -157,7 +161,6 @@ def _pixel_lines(points: FloatArray, origins: FloatArray, stride: int) -> _Pixel
             sum_z[u] += dz
             sum_zz[u] += dz * dz
             sum_yz[u] += dy * dz
-            least_z = min(least_z, z)
     mean_y, mean_z = np.empty(n_pixels), np.empty(n_pixels)
     for u in range(n_pixels):
         dy, dz = sum_y[u] / max(n[u], 1.0), sum_z[u] / max(n[u], 1.0)

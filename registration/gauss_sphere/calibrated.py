@@ -40,7 +40,6 @@ class Known(NamedTuple):
 
     given: False where there is none. lateral: whether the bias goes with the slope of the beam,
         else with the tangent of the incidence, as the standard deviation always does.
-    sigma_scale: noise of the scan over that of the calibration's target.
     known_to_mm: how well the bias is known: planes are trusted no better.
     """
 
@@ -48,7 +47,6 @@ class Known(NamedTuple):
     lateral: bool
     bias: EvenTable
     sigma: EvenTable
-    sigma_scale: float
     known_to_mm: float
 
 
@@ -56,7 +54,7 @@ def known_of(calibration: Calibration) -> Known:
     """The tables of a calibration."""
     bias, sigma = _even(calibration.bias), _even(calibration.sigma)
     lateral = calibration.form == "lateral"
-    return Known(True, lateral, bias, sigma, 1.0, calibration.known_to_mm)
+    return Known(True, lateral, bias, sigma, calibration.known_to_mm)
 
 
 def _even(table: Table) -> EvenTable:
@@ -70,7 +68,7 @@ def _even(table: Table) -> EvenTable:
 
 
 _NO_TABLE = EvenTable(np.zeros(2), np.ones(2), np.zeros((2, 2)))
-NOTHING_KNOWN = Known(False, False, _NO_TABLE, _NO_TABLE, 1.0, 0.0)
+NOTHING_KNOWN = Known(False, False, _NO_TABLE, _NO_TABLE, 0.0)
 
 
 @lru_cache(maxsize=8)
@@ -101,8 +99,6 @@ def take_noise(beams: FloatArray, plane: FloatArray, apex_z_mm: float, known: Kn
     """Give the beams (5, n) of one plane the standard deviations of their depths."""
     tangent = _tangents(beams[SLOPE], plane)
     look_up(known.sigma, beams[MEASURED], apex_z_mm, tangent, beams[SIGMA])
-    for j in range(tangent.size):
-        beams[SIGMA, j] *= known.sigma_scale
 
 
 @compiled

@@ -10,6 +10,7 @@ from registration.gauss_sphere.calibrated import read_known
 from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import middle
+from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.refine import (
     ROUGHLY,
     Likelihood,
@@ -148,18 +149,7 @@ def settle_best(
 
 @compiled
 def _same(effort: Effort, ra: FloatArray, ta: FloatArray, rb: FloatArray, tb: FloatArray) -> bool:
-    """Whether two poses differ by less than distinct answers do."""
-    chord2, moved2 = 0.0, 0.0
-    for u in range(3):
-        moved = ta[u] - tb[u]
-        for v in range(3):
-            difference = ra[u, v] - rb[u, v]
-            chord2 += difference * difference
-            moved += difference * effort.middle_mm[v]
-        moved2 += moved * moved
-    # |Ra - Rb|^2 = 8 sin^2(angle / 2) for rotations.
-    angle = 2.0 * np.arcsin(min(np.sqrt(chord2 / 8.0), 1.0))
-    return bool(angle < effort.distinct_rad and moved2 < effort.distinct_mm**2)
+    return are_same(ra, ta, rb, tb, effort.middle_mm, effort.distinct_rad, effort.distinct_mm)
 
 
 @compiled

@@ -21,6 +21,7 @@ from registration.scan import FloatArray, IntArray
 SIDES = 4  # higher and lower pixels, later and earlier profiles
 GRAZING = 0.05  # a beam that meets a plane at less (cosine, times its slant) says too little
 MOST_MIXED = 2  # points between the face and what is behind it
+MOST_MISSING_PROFILES = 2
 LEAST_NEIGHBOURS, NEAR_PROFILES = 5, 6
 ON, FREE, UNKNOWN = range(3)
 
@@ -113,8 +114,10 @@ def _outlines(
     label = patches.label
     rows, columns = label.shape
     step = (fan.x_mm[rows - 1] - fan.x_mm[0]) / max(rows - 1, 1)
-    pitch = (fan.column_slope[columns - 1] - fan.column_slope[0]) / max(columns - 1, 1)
-    room = 2 * (rows + columns) + np.count_nonzero(label >= 0) // 2
+    seen = np.flatnonzero(np.isfinite(fan.column_slope))
+    first, last = seen[0], seen[-1]
+    pitch = (fan.column_slope[last] - fan.column_slope[first]) / max(last - first, 1)
+    room = SIDES * np.count_nonzero(label >= 0)
     point, beyond = np.empty((room, 3)), np.empty((room, 3))
     line, row = np.empty(room, np.int64), np.empty(room, np.int64)
     n = 0
@@ -130,9 +133,9 @@ def _outlines(
                 else:
                     dp = 5 - 2 * side
                 a, b = p + dp, u + du
-                if a < 0 or b < 0 or a >= rows or b >= columns or label[a, b] == i or n == room:
+                if a < 0 or b < 0 or a >= rows or b >= columns or label[a, b] == i:
                     continue
-                most_missing = missing_pixels if side < 2 else 2
+                most_missing = missing_pixels if side < 2 else MOST_MISSING_PROFILES
                 a, b, cells = _ends(fan, patches, p, u, dp, du, behind, most_missing)
                 if cells < 0.0:
                     continue

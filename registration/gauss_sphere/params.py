@@ -39,7 +39,7 @@ class PatchParams:
     bridge_profiles: a patch goes on over this many profiles less one without a segment of it.
     min_profiles, min_points: smaller patches are dropped.
     gate_sigma: points farther from their plane lose their label.
-    fit_rounds: Gauss-Newton steps of a fit.
+    fit_rounds: Gauss-Newton steps of a fit on all points, one at least, after one on a sample.
     edge_pixels: points at both ends of a segment that are left out: the laser spot lies across.
     bias_rounds: turns in which a plane and its bias settle, on a sample of its points.
     """
@@ -213,7 +213,7 @@ class WholePlaneParams:
 
 @dataclass(frozen=True)
 class OutlineParams:
-    """Outlines of faces, asked where planes alone give no answer.
+    """Outlines of faces, asked where planes alone give no answer that is "ok".
 
     behind_mm: a face ends where what comes next lies so much farther away, at most missing_pixels
         on. near_mm: points of an outline so close make its line, which errs by line_mm.
@@ -221,7 +221,7 @@ class OutlineParams:
     off_mm: how far to both sides of an outline the other view is asked, on_mm: from its plane.
     least, confirmed_share: points, and share of all, that must be confirmed. denied_share: of those
         that the other view says something of, what it may deny of the best pose; dropped_share:
-        more than of another, of the rest.
+        poses of which it denies a share larger by this than the least are dropped.
     slide_mm: how far along an open direction a pose is moved, in steps of cell_mm; peak_share: of
         the most points that coincide, what makes another shift a rival. gate_mm: of matches.
     """

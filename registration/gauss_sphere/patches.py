@@ -54,8 +54,8 @@ def fit_patches(
     a component along them; here the derivatives are taken at the foot of each point along its beam.
 
     With a calibration its bias is taken out of measured_mm (profiles, pixels) by the very planes
-    that are fitted, from fan.depth_mm as straightening left it on; the corrected depths of their
-    points are written there.
+    that are fitted, starting from fan.depth_mm as straightening left it. fan.depth_mm is changed in
+    place: the points of planes get their corrected depths.
     """
     return _fit_planes(
         fan,
@@ -64,7 +64,7 @@ def fit_patches(
         n_patches,
         known,
         params.gate_sigma,
-        params.fit_rounds,
+        max(params.fit_rounds, 1),
         params.min_points,
     )
 

@@ -64,7 +64,7 @@ def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan,
     found = labels(measured, find_segments(measured, params.segments), params.patches)
     if not known.given:
         return measured, fit_patches(measured, *found, params.patches)
-    fan, known = straightened(measured, *found, known, params.patches.bias_rounds)
+    fan = straightened(measured, *found, known, params.patches.bias_rounds)
     found = labels(fan, find_segments(fan, params.segments), params.patches)
     return fan, fit_patches(fan, *found, params.patches, known, measured.depth_mm)
 
@@ -123,10 +123,8 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
     result = judge(settled, target, source, params.decision)
     if result.status != "ok":
-        left = appealed(settled, target, source, params)
+        left = appealed(settled, target, source, bias_mm, params)
         if left:
-            if bias_mm > 0.0:
-                left[0] = doubted(left[0], target.patches, source.patches, bias_mm, params)
             settled, result = left, judge(left, target, source, params.decision, appeal=True)
     best = settled[0]
     if bias_mm > 0.0:

@@ -52,12 +52,12 @@ def sample_of(beams: FloatArray) -> FloatArray:
     n = beams.shape[1]
     sample = np.empty((5, min(n, SAMPLE)))
     for k in range(sample.shape[1]):
-        sample[:, k] = beams[:, sampled(k, n)]
+        sample[:, k] = beams[:, _sampled(k, n)]
     return sample
 
 
 @compiled
-def sampled(k: int, n: int) -> int:
+def _sampled(k: int, n: int) -> int:
     """Index of the k-th sample of n points."""
     # Multiples of the golden ratio fall everywhere; even steps could follow one column.
     return k if n <= SAMPLE else int((k + 0.5) * GOLDEN_RATIO % 1.0 * n)
@@ -110,7 +110,7 @@ def fit_plane(
         e[0], e[1], e[2] = e[0] / size, e[1] / size, e[2] / size
         f[0], f[1], f[2] = n1 * e[2] - n2 * e[1], n2 * e[0] - n0 * e[2], n0 * e[1] - n1 * e[0]
         _normal_equations(used, lean, plane, centre, e, f, gate, used_kept, g, moments)
-        if moments[0] < 4.0 or narrow(moments):
+        if moments[0] < 4.0 or _narrow(moments):
             return False
         solve_symmetric3(g, step)
         for t in range(3):
@@ -208,7 +208,7 @@ def _terms(
 
 
 @compiled
-def narrow(moments: FloatArray) -> bool:
+def _narrow(moments: FloatArray) -> bool:
     """Whether the points lie on a line, which leaves the tilt of their plane open."""
     n = moments[0]
     vaa = moments[3] / n - (moments[1] / n) ** 2

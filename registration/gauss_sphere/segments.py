@@ -139,8 +139,8 @@ def _cut(
 ) -> int:
     """Cut points start..end-1 where lines change; returns the number of cuts, both ends included.
 
-    stack: (pixels, 2) to work in.  best_of: (pixels, 2) to work in, between which cuts
-    a point is the best one.  cuts: (pixels,) out.
+    stack: (2 pixels + 4, 2) to work in.  best_of: (pixels + 2, 2) to work in, between which cuts a
+    cut was found best: written for each before it is read.  cuts: (pixels + 2,) out.
     """
     # Binary splitting leaves the cuts in order, because the left half is done first.
     n_cuts, top = 1, 1

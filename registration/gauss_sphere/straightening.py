@@ -25,23 +25,18 @@ from registration.scan import FloatArray, IndexArray
 SCALE_SAMPLE = 500  # points that tell the noise of a scan from that of the calibration
 
 
-def straightened(
-    fan: Fan, label: IndexArray, n_patches: int, known: Known, turns: int
-) -> tuple[Fan, Known]:
+def straightened(fan: Fan, label: IndexArray, n_patches: int, known: Known, turns: int) -> Fan:
     """A fan without the bias, and with the noise that goes with the inclination.
 
     Both hold for the points with a label, by a rough plane of each label; a lateral bias goes from
     all points. The calibration knows the noise of its target's material: it is scaled to what the
-    scan shows, by known.sigma_scale of the calibration that is returned.
+    scan shows. Points without a label keep the noise that the scan shows at their depth.
     """
     depth_mm, sigma_mm = fan.depth_mm.copy(), fan.sigma_mm.copy()
     if known.lateral:
         take_lateral_bias(depth_mm.reshape(-1), fan.slope.reshape(-1), fan.apex_mm[2], known)
-    scale = _straighten(fan, label, n_patches, known, turns, depth_mm, sigma_mm)
-    return (
-        fan._replace(depth_mm=depth_mm, sigma_mm=sigma_mm),
-        known._replace(sigma_scale=scale),
-    )
+    _straighten(fan, label, n_patches, known, turns, depth_mm, sigma_mm)
+    return fan._replace(depth_mm=depth_mm, sigma_mm=sigma_mm)
 
 
 @compiled
@@ -53,7 +48,7 @@ def _straighten(
     turns: int,
     depth: FloatArray,
     sigma: FloatArray,
-) -> float:
+) -> None:
     points, plane = labelled(label, n_patches), np.zeros(4)
     all_depth, all_sigma, place = depth.reshape(-1), sigma.reshape(-1), points.place
     for i in range(n_patches):
@@ -67,13 +62,12 @@ def _straighten(
             all_depth[place[first + j]] = beams[DEPTH, j]
             all_sigma[place[first + j]] = beams[SIGMA, j]
     if place.size == 0:
-        return 1.0
+        return
     seen = fan.sigma_mm.reshape(-1)[place[:: max(place.size // SCALE_SAMPLE, 1)]]
     foretold = all_sigma[place[:: max(place.size // SCALE_SAMPLE, 1)]]
     scale = float(np.median(seen / foretold))
     for j in place:
         all_sigma[j] *= scale
-    return scale
 
 
 @compiled

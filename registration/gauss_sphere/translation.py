@@ -83,10 +83,10 @@ def _shifts(
     ea, wa = target.basis[:n_a], target.area_mm2[:n_a]
     nb, cb, sb = source.normal[:n_b], source.centroid_mm[:n_b], source.spread_mm[:n_b]
     eb, wb = source.basis[:n_b], source.area_mm2[:n_b]
-    outline_a, outline_b = np.empty((n_a, 3, 3)), np.empty((n_b, 3, 3))
+    extent_a, extent_b = np.empty((n_a, 3, 3)), np.empty((n_b, 3, 3))
     unturned = np.eye(3)
     for i in range(n_a):
-        _outline(unturned, ea[i], sa[i], search.reach, outline_a[i])
+        _extent(unturned, ea[i], sa[i], search.reach, extent_a[i])
     kept_per_rotation = search.kept_per_rotation
     capacity = na.shape[0] * nb.shape[0]
     normal, delta = np.empty((capacity, 3)), np.empty(capacity)
@@ -107,7 +107,7 @@ def _shifts(
             c0 = r[0, 0] * cb[k, 0] + r[0, 1] * cb[k, 1] + r[0, 2] * cb[k, 2]
             c1 = r[1, 0] * cb[k, 0] + r[1, 1] * cb[k, 1] + r[1, 2] * cb[k, 2]
             c2 = r[2, 0] * cb[k, 0] + r[2, 1] * cb[k, 1] + r[2, 2] * cb[k, 2]
-            _outline(r, eb[k], sb[k], search.reach, outline_b[k])
+            _extent(r, eb[k], sb[k], search.reach, extent_b[k])
             for i in range(na.shape[0]):
                 if n0 * na[i, 0] + n1 * na[i, 1] + n2 * na[i, 2] < search.cos_tolerance:
                     continue
@@ -120,7 +120,7 @@ def _shifts(
                 # Across the normal the patches must overlap: an ellipse of both outlines.
                 for u in range(3):
                     for v in range(3):
-                        inverse[m, u, v] = outline_a[i, u, v] + outline_b[k, u, v]
+                        inverse[m, u, v] = extent_a[i, u, v] + extent_b[k, u, v]
                 gate[m] = search.distance_tolerance_mm + search.tilt_tolerance_rad * np.sqrt(
                     sa[i, 0] ** 2 + sa[i, 1] ** 2 + sb[k, 0] ** 2 + sb[k, 1] ** 2
                 )
@@ -167,7 +167,7 @@ def _shifts(
 
 
 @compiled
-def _outline(
+def _extent(
     r: FloatArray, basis: FloatArray, spread: FloatArray, reach: float, out: FloatArray
 ) -> None:
     """Scatter (3, 3) in mm^2 of a patch's outline, turned."""

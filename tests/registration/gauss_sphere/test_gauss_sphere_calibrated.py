@@ -12,7 +12,7 @@ from plane_scans import Plates, plates_from, scan_plates
 from registration import Scan, register
 from registration.calibration import Calibration, CalibrationError, Table
 from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.calibrated import known_of, take_bias
+from registration.gauss_sphere.calibrated import known_of, take_bias, take_noise
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.straightening import straightened
@@ -82,7 +82,7 @@ def test_planes_are_straight_again(form: str, made: Plates, tmp_path: Path) -> N
 def fan_without_bias(view: View, model: Calibration) -> Fan:
     patches = view.patches
     known = known_of(model)
-    return straightened(view.fan, patches.label, patches.n_points.size, known, turns=3)[0]
+    return straightened(view.fan, patches.label, patches.n_points.size, known, turns=3)
 
 
 @pytest.mark.parametrize("form", ["incidence", "lateral"])
@@ -92,13 +92,16 @@ def test_the_fast_table_is_the_calibration(form: str) -> None:
     slope, z = rng.uniform(-0.3, 0.3, 500), rng.uniform(150.0, 1250.0, 500)
     normal = np.array([0.1, -0.3, -np.sqrt(0.9)])
     apex_z = -60.0
-    beams = np.stack([np.zeros(500), slope, z - apex_z, np.ones(500), z - apex_z])
-    take_bias(beams, normal, apex_z, known_of(model)._replace(sigma_scale=2.0))
+    growing = np.outer(DEPTH_MM / 1000.0, [0.3, 0.9])
+    model = replace(model, sigma=Table(DEPTH_MM, np.array([0.0, 3.0]), growing))
+    beams = np.stack([np.zeros(500), slope, z - apex_z, np.zeros(500), z - apex_z])
+    take_bias(beams, normal, apex_z, known_of(model))
+    take_noise(beams, normal, apex_z, known_of(model))
     cos = -(normal[1] * slope + normal[2]) / np.sqrt(1.0 + slope**2)
     expected = model.bias_mm(z, slope, cos)
     np.testing.assert_allclose(beams[4] - beams[2], expected, atol=2e-3)
     tangent = np.sqrt(1.0 / cos**2 - 1.0)
-    np.testing.assert_allclose(beams[3], 2.0 * model.sigma.value(z, tangent), rtol=1e-9)
+    np.testing.assert_allclose(beams[3], model.sigma.value(z, tangent), rtol=1e-9)
 
 
 def test_points_are_weighted_by_the_noise_of_their_inclination(made: Plates) -> None:

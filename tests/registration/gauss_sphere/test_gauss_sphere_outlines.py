@@ -29,6 +29,7 @@ from registration.gauss_sphere.refine import likelihood, widened
 ROOM = Rotation.from_euler("YX", [35.0, 20.0], degrees=True)
 MIDDLE = np.array([150.0, 0.0, 930.0])
 HOW = OutlineParams()
+ALONE = [0, 1, 7]  # floor, wall and one slat near the middle
 BLIND = GaussSphereParams(outlines=OutlineParams(least=10**9))
 
 
@@ -84,6 +85,26 @@ def test_outlines_lie_where_a_face_ends_and_point_away_from_it() -> None:
     assert np.abs(np.median(past[along_a_side])) < 1.0
 
 
+def test_columns_that_never_return_do_not_cost_the_others_their_outlines() -> None:
+    rng = np.random.default_rng(0)
+    scan = scan_plates(boards(rng), noise=1.0, rng=rng)
+    points_mm = scan.points_mm.copy()
+    points_mm[:, :3] = points_mm[:, -3:] = np.nan
+    whole, cut = (
+        outlines_of(describe(each, GaussSphereParams()), HOW)
+        for each in (scan, replace(scan, points_mm=points_mm))
+    )
+    assert cut.line.size > 0.8 * whole.line.size > 0
+
+
+def test_of_very_many_outlines_some_from_all_over_are_asked() -> None:
+    rng = np.random.default_rng(0)
+    view = describe(scan_plates(boards(rng), noise=1.0, rng=rng), GaussSphereParams())
+    every, some = outlines_of(view, HOW), outlines_of(view, replace(HOW, most_points=50))
+    assert 25 <= some.line.size <= 50 < every.line.size
+    assert set(some.line) >= {n for n in set(every.line) if (every.line == n).sum() > 20}
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_views_confirm_outlines_under_the_true_pose_and_deny_them_beside_it(seed: int) -> None:
     pair = pair_of(boards(np.random.default_rng(seed)), np.random.default_rng(seed))
@@ -127,7 +148,11 @@ def test_outlines_that_repeat_themselves_do_not_fix_it() -> None:
     plates = plates_from(ROOM.apply(normals), MIDDLE + ROOM.apply(places), halves)
     for seed in range(3):
         pair = pair_of(plates, np.random.default_rng(seed))
-        assert register(pair.target, pair.source).status != "ok"
+        result = register(pair.target, pair.source)
+        assert result.status in ("underdetermined", "ambiguous"), result.reason
+        alone = plates_from(ROOM.apply(normals[ALONE]), plates.centre_mm[ALONE], halves[ALONE])
+        single = pair_of(alone, np.random.default_rng(seed))
+        assert register(single.target, single.source).status == "ok"
 
 
 def test_chance_is_taken_under_the_systematic_error_that_the_information_has() -> None:

@@ -109,7 +109,7 @@ def test_the_covariance_of_a_plane_is_what_its_errors_are(normal) -> None:
 def test_points_of_one_profile_make_no_plane() -> None:
     scan = scan_plates(plates((0.1, 0.2, -1.0)))
     fan = fan_of(scan)
-    label = np.full(fan.depth_mm.shape, -1)
+    label = np.full(fan.depth_mm.shape, -1, dtype=np.int32)
     label[20, np.isfinite(fan.depth_mm[20])] = 0
     assert (label == 0).sum() > PatchParams().min_points
     fitted = fit_patches(fan, label, 1, PatchParams())

@@ -63,7 +63,7 @@ def pieces_of(
         n_points=np.full(n, 300),
         area_mm2=np.array(areas),
         chi2=np.ones(n),
-        label=np.full((1, 1), -1),
+        label=np.full((1, 1), -1, dtype=np.int32),
         **columns,
     )
 
