@@ -1,6 +1,8 @@
 """Scenes that repeat themselves, are symmetric or have three directions: what methods make of them.
 
-python benchmarks/hard_scenes.py [--pairs N] [--seed N] [--only KIND ...]
+python benchmarks/hard_scenes.py [--pairs N] [--seed N] [--everyday] [--only KIND ...]
+
+--everyday: book shelves, stairs, pipes and other things that people scan, in their place.
 
 Every pair has a scene of its own. A wrong answer is marked "ok" and off by more than 5 degrees or
 30 mm: on a shelf a whole compartment, say. Where no answer is to be had, a method should say so.
@@ -19,6 +21,7 @@ from dataclasses import dataclass  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
+from everyday_scenes import EVERYDAY, FLOOR, WALL  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
 from harness.config import load_experiment  # noqa: E402
@@ -36,9 +39,6 @@ ROOT = Path(__file__).resolve().parents[1]
 CONFIG = ROOT / "configs" / "random_pairs.yaml"
 CALIBRATION = str(ROOT / "configs" / "calibration" / "jupiter.json")
 STATUSES = ("ambiguous", "underdetermined", "failed")
-
-FLOOR = box("floor", [1.4, 1.4, 0.03], [0.0, 0.0, -0.03], material="wood")
-WALL = box("wall", [0.05, 1.4, 0.8], [0.4, 0.0, 0.0])
 
 
 def shelf(rng: np.random.Generator) -> list[Solid]:
@@ -150,7 +150,7 @@ KINDS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
 
 @dataclass(frozen=True)
 class HardParams:
-    """kind: one of KINDS; the seed decides its sizes."""
+    """kind: one of KINDS or EVERYDAY; the seed decides its sizes."""
 
     kind: str = "shelf"
     seed: int = 0
@@ -158,15 +158,19 @@ class HardParams:
 
 def hard(params: HardParams) -> Scene:
     """Build a scene that is hard to register."""
-    return assemble(params.kind, KINDS[params.kind](np.random.default_rng(params.seed)))
+    return assemble(
+        params.kind, (KINDS | EVERYDAY)[params.kind](np.random.default_rng(params.seed))
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pairs", type=int, default=30, help="of each kind")
     parser.add_argument("--seed", type=int, default=301)
-    parser.add_argument("--only", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--everyday", action="store_true")
+    parser.add_argument("--only", nargs="+", choices=[*KINDS, *EVERYDAY])
     options = parser.parse_args()
+    kinds = options.only or list(EVERYDAY if options.everyday else KINDS)
     SCENES["hard"] = SceneEntry(hard, HardParams)
     families = {
         kind: {
@@ -174,7 +178,7 @@ def main() -> None:
             "pairs": options.pairs, "aim_mm": [0, 0, 60], "aim_within_mm": 150,
             "distance_mm": [700, 1000], "pitch_deg": 25,
         }
-        for kind in options.only
+        for kind in kinds
     }  # fmt: skip
     overrides = ["methods=[{name: gauss_sphere}]", f"families={families}"]
     experiment = load_experiment(CONFIG, overrides, options.seed)
@@ -182,7 +186,7 @@ def main() -> None:
         "gauss_sphere": GaussSphereParams(calibration=CALIBRATION),
         "gauss_sphere without calibration": GaussSphereParams(),
     }
-    counts = {(kind, label): Counter[str]() for kind in options.only for label in methods}
+    counts = {(kind, label): Counter[str]() for kind in kinds for label in methods}
     for trial in build_random_trials(experiment, CONFIG):
         kind = trial.pair.split()[0]
         try:
