@@ -275,18 +275,17 @@ def _keep(
     n: int,
 ) -> int:
     """Keep the best scores of distinct shifts, sorted by insertion."""
-    for j in range(n):
-        d0, d1, d2 = kept_t[j, 0] - t[0], kept_t[j, 1] - t[1], kept_t[j, 2] - t[2]
+    j = n
+    for i in range(n):
+        d0, d1, d2 = kept_t[i, 0] - t[0], kept_t[i, 1] - t[1], kept_t[i, 2] - t[2]
         if d0 * d0 + d1 * d1 + d2 * d2 < distinct * distinct:
-            if score > kept_score[j]:
-                kept_t[j] = t
-                kept_score[j] = score
-            return n
-    if n < kept_score.size:
-        n += 1
-    elif score <= kept_score[n - 1]:
+            j = i
+            break
+    if j == kept_score.size:
+        j -= 1  # the worst may make room
+    if j < n and score <= kept_score[j]:
         return n
-    j = n - 1
+    n = max(n, j + 1)
     while j > 0 and kept_score[j - 1] < score:
         kept_score[j] = kept_score[j - 1]
         kept_t[j] = kept_t[j - 1]
