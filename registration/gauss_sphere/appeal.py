@@ -9,19 +9,21 @@ from __future__ import annotations
 import numpy as np
 
 from registration.gauss_sphere.bending import doubted
-from registration.gauss_sphere.decision import centre_of, uncertainty
+from registration.gauss_sphere.decision import centre_of, open_units, uncertainty
 from registration.gauss_sphere.matching import Settled, settle_best
-from registration.gauss_sphere.outlines import Outlines, moved, outlines_of, told
+from registration.gauss_sphere.outlines import Outlines, outlines_of
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.refine import distances2, likelihood
 from registration.gauss_sphere.small_matrices import apply_step
-from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View, rank
+from registration.gauss_sphere.testimony import moved_outlines, told
+from registration.gauss_sphere.verification import View, rank, scores
 from registration.kernels import compiled
 from registration.scan import FloatArray
 
 LIKE, SAME_WAY = 0.98, 0.95  # cosines between normals, and between outward directions
+LEAST_SLANT = 0.3  # of an outline against a shift, to tell where along it
 ROUNDS = 3
 BARELY = 1e-9  # of the information: enough to solve for what stays open
 ANY_WAY = np.zeros(3)
@@ -44,11 +46,10 @@ def appealed(
     shifts = np.array([t for _, t in starts])
     rough = params.verification
     areas = rank(target, source, rotations, shifts, rough.rough_tolerance_mm, 1, rough)
-    scores = areas[:, SUPPORT] - rough.contradiction_weight * areas[:, CONTRADICTION]
     poses: list[Settled] = []
     centre = middle(source.patches)
     distinct = params.decision.distinct_rad, params.decision.distinct_mm
-    again = settle_best(target, source, rotations, shifts, scores, params)
+    again = settle_best(target, source, rotations, shifts, scores(areas, rough), params)
     if bias_mm > 0.0:
         again = [doubted(p, target.patches, source.patches, bias_mm, params) for p in again]
     fixed = [_fixed(pose, target, source, of_target, of_source, params) for pose in again]
@@ -92,7 +93,7 @@ def _starts(
     along = along / length
     n = int(how.slide_mm / how.cell_mm)
     points = _coincide(
-        of_target, moved(of_source, pose.rotation, pose.shift_mm), along, how.cell_mm, n,
+        of_target, moved_outlines(of_source, pose.rotation, pose.shift_mm), along, how.cell_mm, n,
         how.on_mm,
     )  # fmt: skip
     found: list[tuple[FloatArray, FloatArray]] = []
@@ -117,8 +118,8 @@ def _said(
     """Points of outlines that the views confirm and deny each other under a pose."""
     back_r = np.ascontiguousarray(pose.rotation.T)
     back_t = -back_r @ pose.shift_mm
-    there = moved(of_source, pose.rotation, pose.shift_mm)
-    here = moved(of_target, back_r, back_t)
+    there = moved_outlines(of_source, pose.rotation, pose.shift_mm)
+    here = moved_outlines(of_target, back_r, back_t)
     one = told(target, there, across, how.off_mm, how.on_mm, how.behind_mm)
     other = told(source, here, back_r @ across, how.off_mm, how.on_mm, how.behind_mm)
     return one[0] + other[0], one[1] + other[1]
@@ -133,7 +134,8 @@ def _fixed(
     params: GaussSphereParams,
 ) -> Settled:
     """The pose, moved by outlines and surer by them in what its planes leave open."""
-    how = params.outlines
+    how, likely = params.outlines, likelihood(params.refine)
+    planes = target.patches, source.patches
     _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
     if not open_directions.shape[0]:
         return pose
@@ -144,10 +146,8 @@ def _fixed(
     step, whole = np.zeros(6), np.zeros(6)
     for done in range(ROUNDS + 1):
         gate_mm = how.gate_mm if done == 0 else 0.5 * how.gate_mm
-        _accumulate(
-            of_target, moved(of_source, r, t), gate_mm, how.on_mm, how.line_mm, information,
-            gradient,
-        )  # fmt: skip
+        there = moved_outlines(of_source, r, t)
+        _accumulate(of_target, there, gate_mm, how.on_mm, how.line_mm, information, gradient)
         if done < ROUNDS:
             curved = sure + information
             curved += BARELY * np.diag(np.diag(curved))
@@ -158,31 +158,21 @@ def _fixed(
             apply_step(step, r, t, new_r, new_t)
             r, t = new_r, new_t
     areas = rank(target, source, r[None], t[None], params.match.tolerances_mm[-1], 1,
-                 params.verification)[0]  # fmt: skip
+                 params.verification)  # fmt: skip
     moved_there = pose._replace(
         rotation=r,
         shift_mm=t,
         sure=sure + information,
         information=known + information,
-        distance2=distances2(
-            target.patches,
-            source.patches,
-            pose.pairs,
-            likelihood(params.refine),
-            pose.floor_mm,
-            r,
-            t,
-        ),
-        areas=areas,
-        score=areas[SUPPORT] - params.verification.contradiction_weight * areas[CONTRADICTION],
+        distance2=distances2(*planes, pose.pairs, likely, pose.floor_mm, r, t),
+        areas=areas[0],
+        score=float(scores(areas, params.verification)[0]),
     )
     centre = centre_of(pose, target)
     for direction in open_directions:
         across = direction[3:] + np.cross(direction[:3], centre)
         across = across / max(float(np.linalg.norm(across)), 1e-12)
-        confirmed, denied = _said(
-            moved_there, target, source, of_target, of_source, across, how
-        )  # fmt: skip
+        confirmed, denied = _said(moved_there, target, source, of_target, of_source, across, how)
         if confirmed < how.least or denied > how.denied_share * (confirmed + denied):
             return pose
     return moved_there
@@ -192,13 +182,9 @@ def _without_negative(
     information: FloatArray, pose: Settled, target: View, params: GaussSphereParams
 ) -> FloatArray:
     """The information, nothing where chance was larger: about the middle of the surface."""
-    scale = np.array([params.decision.open_rad] * 3 + [params.decision.open_mm] * 3)
-    x, y, z = centre_of(pose, target)
-    about = np.eye(6)
-    about[3:, :3] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
-    back = np.linalg.inv(about) * scale
-    values, vectors = np.linalg.eigh(back.T @ information @ back)
-    half = np.linalg.inv(back).T @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    units = open_units(pose, target, params.decision)
+    values, vectors = np.linalg.eigh(units.T @ information @ units)
+    half = np.linalg.inv(units).T @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     kept: FloatArray = half @ half.T
     return kept
 
@@ -216,10 +202,10 @@ def _coincide(
         slant[i] = o[0] * along[0] + o[1] * along[1] + o[2] * along[2]
     for k in range(b.line.size):
         m, normal = b.outward[k], b.normal[k]
-        if abs(m[0] * along[0] + m[1] * along[1] + m[2] * along[2]) < 0.2:
+        if abs(m[0] * along[0] + m[1] * along[1] + m[2] * along[2]) < LEAST_SLANT:
             continue
         for i in range(a.line.size):
-            if abs(slant[i]) < 0.3:
+            if abs(slant[i]) < LEAST_SLANT:
                 continue
             same_way, like, over, ahead, aside, drift = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for u in range(3):

@@ -184,19 +184,13 @@ def uncertainty(
     nearly independent, in units of params.open_rad and params.open_mm; covariance and directions
     are of a perturbation on the left about the target's origin.
     """
-    centre = centre_of(pose, target)
-    # v_centre = v + w x centre: what the perturbation (w, v) moves the centre by.
-    about_centre = np.eye(6)
-    about_centre[3:, :3] = -_cross(centre)
-    back = np.linalg.inv(about_centre)
-    scale = np.array([params.open_rad] * 3 + [params.open_mm] * 3)
-    information = back.T @ known @ back
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    units, scale = open_units(pose, target, params), _scale(params)
+    values, vectors = np.linalg.eigh(units.T @ known @ units)
     loose = values < 1.0
     if not loose.any():
         spread = np.linalg.inv(known)
         return 0.5 * (spread + spread.T), np.zeros((0, 6)), ""
-    directions = (back @ (vectors[:, loose] * scale[:, None])).T
+    directions = (units @ vectors[:, loose]).T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     names = [_describe(vectors[:, i], values[i], scale) for i in np.flatnonzero(loose)]
     reason = (
@@ -204,6 +198,20 @@ def uncertainty(
         + "; ".join(names)
     )
     return None, directions, reason
+
+
+def open_units(pose: Settled, target: View, params: DecisionParams) -> FloatArray:
+    """(6, 6) perturbations about the target's origin, a column each, that are of one unit of
+    params.open_rad or params.open_mm about the middle of the matched surface."""
+    # v_centre = v + w x centre: what the perturbation (w, v) moves the centre by.
+    about_centre = np.eye(6)
+    about_centre[3:, :3] = -_cross(centre_of(pose, target))
+    units: FloatArray = np.linalg.inv(about_centre) * _scale(params)
+    return units
+
+
+def _scale(params: DecisionParams) -> FloatArray:
+    return np.array([params.open_rad] * 3 + [params.open_mm] * 3)
 
 
 def centre_of(pose: Settled, target: View) -> FloatArray:

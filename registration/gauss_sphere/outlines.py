@@ -23,7 +23,8 @@ GRAZING = 0.05  # a beam that meets a plane at less (cosine, times its slant) sa
 MOST_MIXED = 2  # points between the face and what is behind it
 MOST_MISSING_PROFILES = 2
 LEAST_NEIGHBOURS, NEAR_PROFILES = 5, 6
-ON, FREE, UNKNOWN = range(3)
+LEAST_OUTWARD = 0.3  # cosine between the step out of the face and across the outline
+STRAIGHT_MM, STRAIGHT_CELLS = 1.0, 0.7  # how far off a line points scatter: mm and half cells
 
 
 class Outlines(NamedTuple):
@@ -207,9 +208,9 @@ def _lines(
             bx += beyond[j, v] * basis[0, v]
             by += beyond[j, v] * basis[1, v]
         half = ax * by - ay * bx  # of a cell, outward
-        if abs(half) < 0.3 * np.sqrt(bx * bx + by * by):
+        if abs(half) < LEAST_OUTWARD * np.sqrt(bx * bx + by * by):
             continue  # the other sides see this outline better
-        if scatter > (1.0 + 0.7 * abs(half)) ** 2:
+        if scatter > (STRAIGHT_MM + STRAIGHT_CELLS * abs(half)) ** 2:
             continue
         ox, oy = (-ay, ax) if half > 0.0 else (ay, -ax)
         offset = sx * ox + sy * oy
@@ -222,82 +223,3 @@ def _lines(
         out.variance_mm2[k] = half * half / 3.0 + scatter
         k += 1
     return _chosen(out, np.arange(k))
-
-
-@compiled
-def moved(outlines: Outlines, r: FloatArray, t: FloatArray) -> Outlines:
-    """The outlines in the frame of the other view, under a pose."""
-    n = outlines.line.size
-    out = Outlines(
-        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), outlines.line,
-        outlines.variance_mm2,
-    )  # fmt: skip
-    for j in range(n):
-        for u in range(3):
-            point, outward, along, normal = t[u], 0.0, 0.0, 0.0
-            for v in range(3):
-                point += r[u, v] * outlines.point_mm[j, v]
-                outward += r[u, v] * outlines.outward[j, v]
-                along += r[u, v] * outlines.along[j, v]
-                normal += r[u, v] * outlines.normal[j, v]
-            out.point_mm[j, u], out.outward[j, u] = point, outward
-            out.along[j, u], out.normal[j, u] = along, normal
-    return out
-
-
-@compiled
-def _what_is_at(
-    view: View, outlines: Outlines, j: int, off: float, on_mm: float, behind: float
-) -> int:
-    """What the view sees at off mm outward of point j: the same face, free space, or neither."""
-    fan, patches = view.fan, view.patches
-    x = outlines.point_mm[j, 0] + off * outlines.outward[j, 0]
-    y = outlines.point_mm[j, 1] + off * outlines.outward[j, 1]
-    z = outlines.point_mm[j, 2] + off * outlines.outward[j, 2]
-    rows = fan.x_mm.size
-    step = (fan.x_mm[rows - 1] - fan.x_mm[0]) / max(rows - 1, 1)
-    depth = z - fan.lean[1] * x - fan.apex_mm[2]
-    row = np.floor((x - fan.x_mm[0]) / step + 0.5)
-    cell = ((y - fan.lean[0] * x - fan.apex_mm[1]) / depth - view.slope_low) * view.cells_per_slope
-    if not (0.0 <= row < rows and 0.0 <= cell < view.pixel_of.size and depth > 1.0):
-        return UNKNOWN
-    p, u = np.int64(row), view.pixel_of[np.int64(cell)]
-    if u < 0:
-        return UNKNOWN
-    i = patches.label[p, u]
-    if i >= 0:
-        n, m = patches.normal[i], outlines.normal[j]
-        away = n[0] * x + n[1] * y + n[2] * z - patches.offset_mm[i]
-        if abs(away) < on_mm and n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > 0.96:
-            return ON
-    return FREE if fan.depth_mm[p, u] > depth + behind else UNKNOWN
-
-
-@compiled
-def told(
-    view: View,
-    outlines: Outlines,
-    across: FloatArray,
-    off: float,
-    on_mm: float,
-    behind: float,
-) -> tuple[int, int]:
-    """How many points of the other view's moved outlines this view confirms, and denies.
-
-    It confirms one where it sees the face inside of it and free space outside, and denies it where
-    it sees the face on both sides, or nothing where the face should be.
-    across: (3,) only points whose outward direction has a share along it count; 0 for all.
-    """
-    confirmed, denied = 0, 0
-    any_way = across[0] == 0.0 and across[1] == 0.0 and across[2] == 0.0
-    for j in range(outlines.line.size):
-        o = outlines.outward[j]
-        if not any_way and abs(o[0] * across[0] + o[1] * across[1] + o[2] * across[2]) < 0.3:
-            continue
-        inside = _what_is_at(view, outlines, j, -off, on_mm, behind)
-        if inside == UNKNOWN:
-            continue
-        outside = _what_is_at(view, outlines, j, off, on_mm, behind)
-        confirmed += inside == ON and outside == FREE
-        denied += inside == FREE or outside == ON
-    return confirmed, denied

@@ -21,7 +21,7 @@ from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.straightening import straightened
 from registration.gauss_sphere.translation import pose_candidates
-from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View, rank, view_of
+from registration.gauss_sphere.verification import View, rank, scores, view_of
 from registration.gauss_sphere.whole_planes import by_whole_planes
 from registration.result import RegistrationResult
 from registration.scan import Scan
@@ -108,8 +108,7 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     areas = rank(
         target, source, rotations, shifts, rough.rough_tolerance_mm, rough.rough_stride, rough
     )
-    scores = areas[:, SUPPORT] - rough.contradiction_weight * areas[:, CONTRADICTION]
-    settled = settle_best(target, source, rotations, shifts, scores, params)
+    settled = settle_best(target, source, rotations, shifts, scores(areas, rough), params)
     if not settled:
         return RegistrationResult(
             None,

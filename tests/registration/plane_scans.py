@@ -12,6 +12,9 @@ from registration import Scan
 
 HALF_ANGLE_RAD = np.radians(13.2)
 APEX_BEHIND_MM = 60.0
+# Seen from above at a slant: floor and wall of a room in the frame of a sensor that looks along Z.
+ROOM = Rotation.from_euler("YX", [35.0, 20.0], degrees=True)
+MIDDLE = np.array([150.0, 0.0, 930.0])  # of what is seen
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from plane_scans import (
+    MIDDLE,
+    ROOM,
     Pair,
     Plates,
     box_faces,
@@ -15,16 +17,12 @@ from plane_scans import (
     random_view,
     scan_plates,
 )
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from registration import RegistrationResult, register
 from registration.gauss_sphere.matching import settle_best
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, RefineParams
 from registration.gauss_sphere.pipeline import describe
-
-# Seen from above at a slant: floor and wall of a room in the frame of a sensor that looks along Z.
-ROOM = Rotation.from_euler("YX", [35.0, 20.0], degrees=True)
-MIDDLE = np.array([150.0, 0.0, 930.0])
 
 
 def in_room(place_mm: np.ndarray) -> RigidTransform:

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plane_scans import (
+    MIDDLE,
+    ROOM,
     Pair,
     Plates,
     join,
@@ -16,18 +18,19 @@ from plane_scans import (
     random_view,
     scan_plates,
 )
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from registration import RegistrationResult, register
+from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.chance import take_chance
+from registration.gauss_sphere.decision import uncertainty
 from registration.gauss_sphere.matching import settle_best
-from registration.gauss_sphere.outlines import moved, outlines_of, told
+from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.refine import likelihood, widened
+from registration.gauss_sphere.testimony import moved_outlines, told
 
-ROOM = Rotation.from_euler("YX", [35.0, 20.0], degrees=True)
-MIDDLE = np.array([150.0, 0.0, 930.0])
 HOW = OutlineParams()
 ALONE = [0, 1, 7]  # floor, wall and one slat near the middle
 BLIND = GaussSphereParams(outlines=OutlineParams(least=10**9))
@@ -114,7 +117,7 @@ def test_views_confirm_outlines_under_the_true_pose_and_deny_them_beside_it(seed
     def said(shift_mm: float) -> tuple[int, int]:
         r = np.ascontiguousarray(T.rotation.as_matrix())
         t = np.asarray(T.translation) + shift_mm * ROOM.apply([0.0, 1.0, 0.0])
-        there = moved(outlines, r, t)
+        there = moved_outlines(outlines, r, t)
         return told(target, there, np.zeros(3), HOW.off_mm, HOW.on_mm, HOW.behind_mm)
 
     confirmed, denied = said(0.0)
@@ -137,6 +140,23 @@ def test_outlines_fix_the_shift_that_planes_leave_open(seed: int) -> None:
     step = np.concatenate([error.rotation.as_rotvec(), error.translation])
     assert step @ np.linalg.solve(result.covariance, step) < 22.5  # 99.9 % of six
     assert register(pair.target, pair.source, params=BLIND).status == "underdetermined"
+
+
+def test_a_bias_of_the_planes_does_not_undo_what_outlines_fix() -> None:
+    rng = np.random.default_rng(0)
+    pair, params = pair_of(boards(rng), rng), GaussSphereParams()
+    target, source = (describe(scan, params) for scan in (pair.target, pair.source))
+    T = pair.T_target_source
+    rotation, shift_mm = T.rotation.as_matrix()[None], np.asarray(T.translation)[None]
+    settled = settle_best(target, source, rotation, shift_mm, np.ones(1), params)
+    exact, biased = (
+        appealed(settled, target, source, bias_mm, params)[0] for bias_mm in (0.0, 3.0)
+    )
+    for pose in (exact, biased):
+        assert not uncertainty(pose, pose.sure, target, params.decision)[1].size
+    assert np.linalg.slogdet(biased.sure)[1] < np.linalg.slogdet(exact.sure)[1] - 2.0
+    open_directions = uncertainty(settled[0], settled[0].sure, target, params.decision)[1]
+    assert len(open_directions) == 1
 
 
 def test_outlines_that_repeat_themselves_do_not_fix_it() -> None:
