@@ -6,18 +6,20 @@ Outlines do: a face that ends in one view must end there in the other, if that s
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.decision import centre_of, open_units, uncertainty
 from registration.gauss_sphere.matching import Settled, settle_best
-from registration.gauss_sphere.outlines import Outlines, outlines_of
-from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
+from registration.gauss_sphere.outlines import Outlines, as_ends, moved_outlines, outlines_of
+from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.refine import distances2, likelihood
 from registration.gauss_sphere.small_matrices import apply_step
-from registration.gauss_sphere.testimony import moved_outlines, told
+from registration.gauss_sphere.testimony import ANY_WAY, said
 from registration.gauss_sphere.verification import View, rank, scores
 from registration.kernels import compiled
 from registration.scan import FloatArray
@@ -26,7 +28,6 @@ LIKE, SAME_WAY = 0.98, 0.95  # cosines between normals, and between outward dire
 LEAST_SLANT = 0.3  # of an outline against a shift, to tell where along it
 ROUNDS = 3
 BARELY = 1e-9  # of the information: enough to solve for what stays open
-ANY_WAY = np.zeros(3)
 
 
 def appealed(
@@ -44,12 +45,13 @@ def appealed(
         starts.extend(_starts(pose, target, of_target, of_source, params))
     rotations = np.array([r for r, _ in starts])
     shifts = np.array([t for _, t in starts])
-    rough = params.verification
-    areas = rank(target, source, rotations, shifts, rough.rough_tolerance_mm, 1, rough)
+    all_of_them = replace(params.verification, ranked=len(starts), rough_stride=1)
     poses: list[Settled] = []
     centre = middle(source.patches)
     distinct = params.decision.distinct_rad, params.decision.distinct_mm
-    again = settle_best(target, source, rotations, shifts, scores(areas, rough), params)
+    again = settle_best(
+        target, source, rotations, shifts, replace(params, verification=all_of_them), False
+    )
     if bias_mm > 0.0:
         again = [doubted(p, target.patches, source.patches, bias_mm, params) for p in again]
     fixed = [_fixed(pose, target, source, of_target, of_source, params) for pose in again]
@@ -59,16 +61,17 @@ def appealed(
         if not any(known):
             poses.append(one)
     needed = max(how.least, how.confirmed_share * (of_target.line.size + of_source.line.size))
-    said = [_said(pose, target, source, of_target, of_source, ANY_WAY, how) for pose in poses]
-    shares = [denied / max(confirmed + denied, how.least) for confirmed, denied in said]
-    sure = [share for share, (confirmed, _) in zip(shares, said, strict=True)
+    ends = as_ends(of_target), as_ends(of_source)
+    words = [said(p.rotation, p.shift_mm, target, source, ends, ANY_WAY, how) for p in poses]
+    shares = [denied / max(confirmed + denied, how.least) for confirmed, denied in words]
+    sure = [share for share, (confirmed, _) in zip(shares, words, strict=True)
             if confirmed >= how.least]  # fmt: skip
     if not sure:
         return []
     most = min(sure) + how.dropped_share
     left = [k for k in range(len(poses)) if shares[k] <= most]
     first = left[0]
-    if said[first][0] < needed or shares[first] > how.denied_share:
+    if words[first][0] < needed or shares[first] > how.denied_share:
         return []
     return [poses[k] for k in left]
 
@@ -104,25 +107,6 @@ def _starts(
         near = int(params.decision.distinct_mm / how.cell_mm)
         points[max(k - near, 0) : k + near + 1] = 0.0
     return found or here
-
-
-def _said(
-    pose: Settled,
-    target: View,
-    source: View,
-    of_target: Outlines,
-    of_source: Outlines,
-    across: FloatArray,
-    how: OutlineParams,
-) -> tuple[int, int]:
-    """Points of outlines that the views confirm and deny each other under a pose."""
-    back_r = np.ascontiguousarray(pose.rotation.T)
-    back_t = -back_r @ pose.shift_mm
-    there = moved_outlines(of_source, pose.rotation, pose.shift_mm)
-    here = moved_outlines(of_target, back_r, back_t)
-    one = told(target, there, across, how.off_mm, how.on_mm, how.behind_mm)
-    other = told(source, here, back_r @ across, how.off_mm, how.on_mm, how.behind_mm)
-    return one[0] + other[0], one[1] + other[1]
 
 
 def _fixed(
@@ -169,10 +153,11 @@ def _fixed(
         score=float(scores(areas, params.verification)[0]),
     )
     centre = centre_of(pose, target)
+    ends = as_ends(of_target), as_ends(of_source)
     for direction in open_directions:
         across = direction[3:] + np.cross(direction[:3], centre)
         across = across / max(float(np.linalg.norm(across)), 1e-12)
-        confirmed, denied = _said(moved_there, target, source, of_target, of_source, across, how)
+        confirmed, denied = said(r, t, target, source, ends, across, how)
         if confirmed < how.least or denied > how.denied_share * (confirmed + denied):
             return pose
     return moved_there

@@ -15,6 +15,7 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray, Scan
 
 PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
+PARALLEL = 1e-6  # of the largest singular value of the lines' equations, their least
 DEPTH_BINS = 6
 DEPTH_CELLS = 512
 NOISE_PROFILES = 16  # enough for the noise to a few percent
@@ -103,22 +104,37 @@ def estimate_apex(scan: Scan) -> FloatArray:
     lines over their slopes give the apex. Scans too flat to tell get nearly parallel beams.
     """
     stride = max(scan.points_mm.shape[0] // APEX_PROFILES, 1)
-    pixels = _pixel_lines(scan.points_mm, scan.origins_mm, stride)
-    # Below 5 mm of relief a slope is mostly rounding.
-    used = (pixels.n >= 3) & (pixels.spread / np.maximum(pixels.n, 1.0) > 25.0)
-    # Points absurdly far away, as marks of no return may be, overflow.
-    used &= np.isfinite(pixels.spread) & np.isfinite(pixels.shared)
+    return _apex(scan.points_mm, scan.origins_mm, stride)
+
+
+@compiled
+def _apex(points: FloatArray, origins: FloatArray, stride: int) -> FloatArray:
+    pixels = _pixel_lines(points, origins, stride)
     parallel = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
-    if np.count_nonzero(used) < 8:
+    n = pixels.n.size
+    slope, intercept, weight = np.empty(n), np.empty(n), np.zeros(n)
+    used = 0
+    for u in range(n):
+        spread, shared = pixels.spread[u], pixels.shared[u]
+        # Below 5 mm of relief a slope is mostly rounding; marks of no return may overflow.
+        if pixels.n[u] >= 3 and spread > 25.0 * pixels.n[u] and np.isfinite(spread + shared):
+            slope[used] = shared / spread
+            intercept[used] = pixels.mean_y[u] - slope[used] * pixels.mean_z[u]
+            weight[used] = spread
+            used += 1
+    if used < 8:
         return parallel
-    spread = pixels.spread[used]
-    slope, weight = pixels.shared[used] / spread, np.sqrt(spread)
-    design = np.stack([np.ones_like(slope), -slope], axis=1)
-    rhs = pixels.mean_y[used] - slope * pixels.mean_z[used]
-    solution, _, rank, _ = np.linalg.lstsq(design * weight[:, None], rhs * weight, rcond=1e-6)
-    if rank < 2 or solution[1] >= pixels.least_z:
+    slope, intercept, weight = slope[:used], intercept[:used], weight[:used]
+    total = weight.sum()
+    mean_slope = (weight * slope).sum() / total
+    mean_intercept = (weight * intercept).sum() / total
+    slope -= mean_slope
+    spread, shared = (weight * slope * slope).sum(), (weight * slope * intercept).sum()
+    squares = total * (1.0 + mean_slope * mean_slope) + spread
+    if total * spread <= (PARALLEL * squares) ** 2:
         return parallel
-    return np.array([0.0, solution[0], solution[1]])
+    z = -shared / spread
+    return parallel if z >= pixels.least_z else np.array([0.0, mean_intercept + mean_slope * z, z])
 
 
 class _PixelLines(NamedTuple):

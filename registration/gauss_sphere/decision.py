@@ -29,7 +29,7 @@ def judge(
     seen = 0.5 * (target.sample_area.sum() + source.sample_area.sum())
     share = best.areas[SUPPORT] / seen
     against = best.areas[CONTRADICTION] / max(best.areas[SUPPORT], 1e-9)
-    candidates = tuple(map(Candidate, transforms(ranked), (p.score / seen for p in ranked)))
+    candidates = candidates_of(ranked, seen)
     if share < params.least_support:
         return RegistrationResult(
             None,
@@ -93,6 +93,24 @@ def judge(
     return RegistrationResult(
         candidates[0].T_target_source, "ok", covariance=covariance, candidates=candidates[1:]
     )
+
+
+def refuted(ranked: list[Settled], target: View, source: View, share: float) -> RegistrationResult:
+    """What is left of an answer when outlines of faces deny it, by a share of what they say."""
+    seen = 0.5 * (target.sample_area.sum() + source.sample_area.sum())
+    return RegistrationResult(
+        None,
+        "failed",
+        f"the best pose is denied by {share:.0%} of the outlines of faces that both views tell of: "
+        "faces of one view go on, or are missing, where the other saw them end",
+        candidates=candidates_of(ranked, seen),
+        stage="verification",
+    )
+
+
+def candidates_of(ranked: list[Settled], seen_mm2: float) -> tuple[Candidate, ...]:
+    """The poses, scored by the share of the seen surface."""
+    return tuple(map(Candidate, transforms(ranked), (pose.score / seen_mm2 for pose in ranked)))
 
 
 def agreeing_planes(pose: Settled, target: View, params: DecisionParams) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from registration.gauss_sphere.refine import (
     maximise_consistently,
     widened,
 )
+from registration.gauss_sphere.translation import Search, another_search, shifts_at
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
     SUPPORT,
@@ -57,11 +59,15 @@ class Settled(NamedTuple):
 class Effort(NamedTuple):
     """Parameters of settling as the compiled loops take them.
 
-    kept, worth_settling, worth_refining: see VerificationParams.
+    rough_tolerance_mm, rough_stride, ranked, kept, worth_settling, worth_refining: see
+        VerificationParams.
     tolerances_mm, floors_mm, strides, least_samples: see MatchParams.
     distinct_rad, distinct_mm: poses closer than this are one; they are compared at middle_mm (3,).
     """
 
+    rough_tolerance_mm: float
+    rough_stride: int
+    ranked: int
     kept: int
     worth_settling: float
     worth_refining: float
@@ -94,16 +100,21 @@ def settle_best(
     source: View,
     rotations: FloatArray,
     shifts_mm: FloatArray,
-    scores: FloatArray,
     params: GaussSphereParams,
+    look_again: bool = True,
 ) -> list[Settled]:
     """Settle the candidates by falling score until the rest cannot rival the best.
 
     Planes are matched by the samples that fall on them, and the pose refined by them, with
     shrinking tolerance. Best first; poses that are nearly the same are one.
+    look_again: for other shifts at the rotation of the best, as of scenes that repeat themselves:
+        the first search looks along many rotations, none known well, and does not see them all.
     """
     verification, match, decision = params.verification, params.match, params.decision
     effort = Effort(
+        verification.rough_tolerance_mm,
+        verification.rough_stride,
+        verification.ranked,
         verification.kept,
         verification.worth_settling,
         verification.worth_refining,
@@ -115,8 +126,7 @@ def settle_best(
         decision.distinct_mm,
         middle(source.patches),
     )
-    known_to_mm = read_known(params.calibration).known_to_mm
-    floors_mm = np.unique(np.maximum(params.refine.floors_mm, known_to_mm))
+    floors_mm = _floors_mm(params.refine.floors_mm, read_known(params.calibration).known_to_mm)
     found, kept = _settle_best(
         target,
         source,
@@ -124,9 +134,9 @@ def settle_best(
         likelihood(params.refine),
         floors_mm,
         effort,
+        another_search(params.translation, look_again),
         rotations,
         shifts_mm,
-        scores,
     )
     settled = []
     for c in kept:
@@ -145,6 +155,11 @@ def settle_best(
             )
         )
     return settled
+
+
+@lru_cache(maxsize=8)
+def _floors_mm(floors_mm: tuple[float, ...], known_to_mm: float) -> FloatArray:
+    return np.unique(np.maximum(floors_mm, known_to_mm))
 
 
 @compiled
@@ -168,12 +183,12 @@ def _settle_best(
     likely: Likelihood,
     floors: FloatArray,
     effort: Effort,
+    again: Search,
     rotations: FloatArray,
     shifts: FloatArray,
-    scores: FloatArray,
 ) -> tuple[Matches, IntArray]:
     n_a, n_b = target.patches.n_points.size, source.patches.n_points.size
-    capacity = min(effort.kept, scores.size)
+    capacity = 2 * effort.kept
     found = Matches(
         np.empty((capacity, 3, 3)),
         np.empty((capacity, 3)),
@@ -187,22 +202,17 @@ def _settle_best(
         np.empty(capacity),
     )
     counts = np.zeros((n_a, n_b), np.int64)
-    best, n = -np.inf, 0
-    for c in np.argsort(-scores, kind="mergesort")[:capacity]:
-        if n > 0 and scores[c] < effort.worth_settling * best:
-            break
-        if _known(effort, found, n, rotations[c], shifts[c]):
-            continue
-        found.rotation[n] = rotations[c]
-        found.shift_mm[n] = shifts[c]
-        least = effort.worth_settling * max(best, 0.0)
-        if not _settle(target, source, how, likely, effort, least, counts, found, n):
-            continue
-        # Only those that may be the answer, or question it, are refined to the end.
-        if found.score[n] >= effort.worth_refining * best:
-            _finish(target, source, how, likely, floors, effort, counts, found, n)
-            best = max(best, found.score[n])
-            n += 1
+    n = _settle_more(
+        target, source, how, likely, floors, effort, counts, found, 0, rotations, shifts
+    )
+    if n > 0 and again.kept_per_rotation > 0:
+        best = found.rotation[np.argmax(found.score[:n])]
+        shifts = shifts_at(target.patches, source.patches, best, again)
+        rotations = np.empty((shifts.shape[0], 3, 3))
+        rotations[:] = best
+        n = _settle_more(
+            target, source, how, likely, floors, effort, counts, found, n, rotations, shifts
+        )
     order = np.argsort(-found.score[:n], kind="mergesort")
     kept, n_kept = np.empty(n, np.int64), 0
     for c in order:
@@ -216,6 +226,59 @@ def _settle_best(
             kept[n_kept] = c
             n_kept += 1
     return found, kept[:n_kept]
+
+
+@compiled
+def _settle_more(
+    target: View,
+    source: View,
+    how: Comparison,
+    likely: Likelihood,
+    floors: FloatArray,
+    effort: Effort,
+    counts: IntArray,
+    found: Matches,
+    n: int,
+    rotations: FloatArray,
+    shifts: FloatArray,
+) -> int:
+    """Settle candidates that may rival each other and the n poses found; how many they are then."""
+    new = np.empty(shifts.shape[0], np.int64)
+    score = np.empty(new.size)
+    ranked = 0
+    for c in range(new.size):
+        if ranked < effort.ranked and not _known(effort, found, n, rotations[c], shifts[c]):
+            areas = found.areas[n]
+            compare_both(
+                target, source, how, rotations[c], shifts[c], effort.rough_tolerance_mm,
+                effort.rough_stride, counts, areas,
+            )  # fmt: skip
+            new[ranked], score[ranked] = c, _score(how, areas)
+            ranked += 1
+    best = -np.inf
+    for c in range(n):
+        best = max(best, found.score[c])
+    for k in np.argsort(-score[:ranked], kind="mergesort")[: effort.kept]:
+        if n > 0 and score[k] < effort.worth_settling * best:
+            break
+        r, t = rotations[new[k]], shifts[new[k]]
+        if _known(effort, found, n, r, t):
+            continue
+        found.rotation[n], found.shift_mm[n] = r, t
+        least = effort.worth_settling * max(best, 0.0)
+        if not _settle(target, source, how, likely, effort, least, counts, found, n):
+            continue
+        # Only those that may be the answer, or question it, are refined to the end.
+        if found.score[n] >= effort.worth_refining * best:
+            _finish(target, source, how, likely, floors, effort, counts, found, n)
+            best = max(best, found.score[n])
+            n += 1
+    return n
+
+
+@compiled
+def _score(how: Comparison, areas: FloatArray) -> float:
+    return float(areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION])
 
 
 @compiled
@@ -243,7 +306,7 @@ def _settle(
                 if counts[i, k] >= effort.least_samples:
                     pairs[n, 0], pairs[n, 1] = i, k
                     n += 1
-        found.score[c] = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]
+        found.score[c] = _score(how, areas)
         if n < 2 or (stage > 1 and found.score[c] < least_score):
             return False
         maximise(
@@ -283,4 +346,4 @@ def _finish(
     )  # fmt: skip
     take_chance(target.patches, source.patches, pairs, likely, wide_mm, r, t, found.sure[c])
     compare_both(target, source, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
-    found.score[c] = areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION]
+    found.score[c] = _score(how, areas)

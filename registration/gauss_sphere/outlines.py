@@ -27,6 +27,18 @@ LEAST_OUTWARD = 0.3  # cosine between the step out of the face and across the ou
 STRAIGHT_MM, STRAIGHT_CELLS = 1.0, 0.7  # how far off a line points scatter: mm and half cells
 
 
+class Ends(NamedTuple):
+    """Where faces end, one by one.
+
+    point_mm: (n, 3) on a plane; outward, normal: (n, 3) unit, in the plane out of the face, along
+    a profile or across profiles, and across the plane.
+    """
+
+    point_mm: FloatArray
+    outward: FloatArray
+    normal: FloatArray
+
+
 class Outlines(NamedTuple):
     """Points of outlines, each with the direction of the line that its neighbours make.
 
@@ -43,11 +55,15 @@ class Outlines(NamedTuple):
     variance_mm2: FloatArray
 
 
+def as_ends(outlines: Outlines) -> Ends:
+    """The points of outlines, as others are heard of that have no line."""
+    return Ends(outlines.point_mm, outlines.outward, outlines.normal)
+
+
 def outlines_of(view: View, params: OutlineParams) -> Outlines:
     """The outlines that a view sees of its planes; of very many points, some."""
-    found = _outlines(
-        view.fan, view.patches, params.behind_mm, params.missing_pixels, params.near_mm
-    )
+    ends = _found_ends(view.fan, view.patches, params.behind_mm, params.missing_pixels, 1)
+    found = _lines(view.patches, *ends, params.near_mm)
     kept = np.arange(0, found.line.size, max(-(-found.line.size // params.most_points), 1))
     return _chosen(found, kept)
 
@@ -58,6 +74,27 @@ def _chosen(outlines: Outlines, kept: IntArray) -> Outlines:
         outlines.point_mm[kept], outlines.outward[kept], outlines.along[kept],
         outlines.normal[kept], outlines.line[kept], outlines.variance_mm2[kept],
     )  # fmt: skip
+
+
+@compiled
+def moved_outlines(outlines: Outlines, r: FloatArray, t: FloatArray) -> Outlines:
+    """The outlines in the frame of the other view, under a pose."""
+    n = outlines.line.size
+    out = Outlines(
+        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), outlines.line,
+        outlines.variance_mm2,
+    )  # fmt: skip
+    for j in range(n):
+        for u in range(3):
+            point, outward, along, normal = t[u], 0.0, 0.0, 0.0
+            for v in range(3):
+                point += r[u, v] * outlines.point_mm[j, v]
+                outward += r[u, v] * outlines.outward[j, v]
+                along += r[u, v] * outlines.along[j, v]
+                normal += r[u, v] * outlines.normal[j, v]
+            out.point_mm[j, u], out.outward[j, u] = point, outward
+            out.along[j, u], out.normal[j, u] = along, normal
+    return out
 
 
 @compiled
@@ -109,55 +146,75 @@ def _ends(
 
 
 @compiled
-def _outlines(
-    fan: Fan, patches: Patches, behind: float, missing_pixels: int, near: float
-) -> Outlines:
+def _found_ends(
+    fan: Fan, patches: Patches, behind: float, missing_pixels: int, every: int
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
+    """Points (n, 3) where faces end, half a cell beyond (n, 3), patch and side (n,), profile (n,).
+
+    every: of how many profiles one is looked along, and of how many pixels one across profiles.
+    """
     label = patches.label
     rows, columns = label.shape
     step = (fan.x_mm[rows - 1] - fan.x_mm[0]) / max(rows - 1, 1)
     seen = np.flatnonzero(np.isfinite(fan.column_slope))
     first, last = seen[0], seen[-1]
     pitch = (fan.column_slope[last] - fan.column_slope[first]) / max(last - first, 1)
-    room = SIDES * np.count_nonzero(label >= 0)
+    n, room = 0, 1024
     point, beyond = np.empty((room, 3)), np.empty((room, 3))
     line, row = np.empty(room, np.int64), np.empty(room, np.int64)
-    n = 0
-    for p in range(rows):
-        for u in range(columns):
-            i = label[p, u]
-            if i < 0:
-                continue
-            for side in range(SIDES):
-                dp, du = 0, 0
-                if side < 2:
-                    du = 1 - 2 * side
-                else:
-                    dp = 5 - 2 * side
-                a, b = p + dp, u + du
-                if a < 0 or b < 0 or a >= rows or b >= columns or label[a, b] == i:
+    for side in range(SIDES):
+        dp, du = (0, 1 - 2 * side) if side < 2 else (5 - 2 * side, 0)
+        most_missing = missing_pixels if side < 2 else MOST_MISSING_PROFILES
+        for p in range(max(-dp, 0), rows - max(dp, 0), every if side < 2 else 1):
+            for u in range(max(-du, 0), columns - max(du, 0), 1 if side < 2 else every):
+                i = label[p, u]
+                if i < 0 or label[p + dp, u + du] == i:
                     continue
-                most_missing = missing_pixels if side < 2 else MOST_MISSING_PROFILES
                 a, b, cells = _ends(fan, patches, p, u, dp, du, behind, most_missing)
                 if cells < 0.0:
                     continue
-                known = True
-                for end in range(2):
-                    x = fan.x_mm[a] + end * dp * step * cells
-                    slope = fan.slope[a, b] + end * du * pitch * cells
-                    depth = _depth_on(fan, patches, i, x, slope)
-                    known = known and np.isfinite(depth)
-                    here = (
-                        x,
-                        fan.apex_mm[1] + fan.lean[0] * x + slope * depth,
-                        fan.apex_mm[2] + fan.lean[1] * x + depth,
-                    )
-                    for v in range(3):
-                        beyond[n, v] = here[v] - (point[n, v] if end else 0.0)
-                        point[n, v] = here[v]
-                if known:
-                    line[n], row[n] = SIDES * i + side, p
-                    n += 1
-    return _lines(patches, point[:n], beyond[:n], line[:n], row[:n], near)
+                if n == room:
+                    point, beyond = _roomier(point), _roomier(beyond)
+                    line, row, room = np.append(line, line), np.append(row, row), 2 * room
+                _foot(fan, patches, i, fan.x_mm[a], fan.slope[a, b], point[n])
+                x, slope = fan.x_mm[a] + dp * step * cells, fan.slope[a, b] + du * pitch * cells
+                _foot(fan, patches, i, x, slope, beyond[n])
+                if not np.isfinite(point[n, 2] + beyond[n, 2]):
+                    continue
+                for v in range(3):
+                    beyond[n, v] -= point[n, v]
+                    point[n, v] += beyond[n, v]
+                line[n], row[n] = SIDES * i + side, p
+                n += 1
+    return point[:n], beyond[:n], line[:n], row[:n]
+
+
+@compiled
+def ends_of(fan: Fan, patches: Patches, behind_mm: float, missing_pixels: int, every: int) -> Ends:
+    """Some of the ends of faces that a view sees, from all over it: see OutlineParams."""
+    point, beyond, line, _ = _found_ends(fan, patches, behind_mm, missing_pixels, every)
+    normal = np.empty((line.size, 3))
+    for j in range(line.size):
+        b = beyond[j]
+        b /= np.sqrt(b[0] * b[0] + b[1] * b[1] + b[2] * b[2])
+        normal[j] = patches.normal[line[j] // SIDES]
+    return Ends(point, beyond, normal)
+
+
+@compiled
+def _roomier(of: FloatArray) -> FloatArray:
+    more = np.empty((2 * of.shape[0], of.shape[1]))
+    more[: of.shape[0]] = of
+    return more
+
+
+@compiled
+def _foot(fan: Fan, patches: Patches, i: int, x: float, slope: float, point: FloatArray) -> None:
+    """Where a beam meets plane i; NaN where it grazes it or comes from behind."""
+    depth = _depth_on(fan, patches, i, x, slope)
+    point[0] = x
+    point[1] = fan.apex_mm[1] + fan.lean[0] * x + slope * depth
+    point[2] = fan.apex_mm[2] + fan.lean[1] * x + depth
 
 
 @compiled

@@ -85,7 +85,8 @@ class TranslationParams:
 
     patches: only so many of each view, of the largest area, are paired.
     angle_tolerance_rad: normals of a pair differ by less after the turn.
-    pairs: pairs, of the largest area, that are tried together; starts: two of them at a time.
+    pairs: pairs, of the largest area, that are tried together; starts: two of them at a time;
+        pairs_again, starts_again: the same when only the rotation of the best pose is left.
     distance_tolerance_mm: by how much the distances of two planes may differ under a shift, and
         tilt_tolerance_rad: besides, over the size of the patches, for an imprecise rotation.
     reach: outlines overlap within so many standard deviations of their points.
@@ -97,6 +98,8 @@ class TranslationParams:
     angle_tolerance_rad: float = 0.10
     pairs: int = 64
     starts: int = 200
+    pairs_again: int = 400
+    starts_again: int = 2000
     distance_tolerance_mm: float = 8.0
     tilt_tolerance_rad: float = 0.03
     reach: float = 1.8
@@ -149,7 +152,7 @@ class VerificationParams:
     free_space_mm: float = 10.0
     contradiction_weight: float = 2.0
     rough_tolerance_mm: float = 20.0
-    rough_stride: int = 8
+    rough_stride: int = 12
     ranked: int = 40
     kept: int = 10
     worth_settling: float = 0.4
@@ -218,6 +221,9 @@ class OutlineParams:
     behind_mm: a face ends where what comes next lies so much farther away, at most missing_pixels
         on. near_mm: points of an outline so close make its line, which errs by line_mm.
     most_points: of a view's outlines that are looked at.
+    every: of so many profiles and pixels one is looked at for ends of faces where an answer is
+        "ok": if the views deny more than refuted_share of those that they know of, outlines are
+        asked, and it is taken back where that is true of them, and of refuting_share of them all.
     off_mm: how far to both sides of an outline the other view is asked, on_mm: from its plane.
     least, confirmed_share: points, and share of all, that must be confirmed. denied_share: of those
         that the other view says something of, what it may deny of the best pose; dropped_share:
@@ -232,6 +238,9 @@ class OutlineParams:
     off_mm: float = 8.0
     on_mm: float = 5.0
     most_points: int = 600
+    every: int = 8
+    refuted_share: float = 0.3
+    refuting_share: float = 0.09
     least: int = 20
     confirmed_share: float = 0.12
     denied_share: float = 0.06

@@ -11,7 +11,7 @@ from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.beams import Fan, fan_of
 from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
-from registration.gauss_sphere.decision import judge, sliding, transforms
+from registration.gauss_sphere.decision import judge, refuted, sliding, transforms
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import labels
 from registration.gauss_sphere.matching import settle_best
@@ -20,8 +20,9 @@ from registration.gauss_sphere.patches import Patches, fit_patches
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.straightening import straightened
+from registration.gauss_sphere.testimony import denied_share
 from registration.gauss_sphere.translation import pose_candidates
-from registration.gauss_sphere.verification import View, rank, scores, view_of
+from registration.gauss_sphere.verification import View, view_of
 from registration.gauss_sphere.whole_planes import by_whole_planes
 from registration.result import RegistrationResult
 from registration.scan import Scan
@@ -103,12 +104,7 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
         target.patches, source.patches, rotations, params.translation
     )
     shifted = perf_counter()
-    rough = params.verification
-    rotations, shifts = rotations[: rough.ranked], shifts[: rough.ranked]
-    areas = rank(
-        target, source, rotations, shifts, rough.rough_tolerance_mm, rough.rough_stride, rough
-    )
-    settled = settle_best(target, source, rotations, shifts, scores(areas, rough), params)
+    settled = settle_best(target, source, rotations, shifts, params)
     if not settled:
         return RegistrationResult(
             None,
@@ -121,10 +117,15 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     if bias_mm > 0.0:
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
     result = judge(settled, target, source, params.decision)
-    if result.status != "ok":
+    denied, how = 0.0, params.outlines
+    if result.status == "ok":
+        denied = denied_share(settled[0].rotation, settled[0].shift_mm, target, source, how)
+    if result.status != "ok" or denied > how.refuted_share:
         left = appealed(settled, target, source, bias_mm, params)
         if left:
             settled, result = left, judge(left, target, source, params.decision, appeal=True)
+        elif result.status == "ok":
+            result = refuted(settled, target, source, denied)
     best = settled[0]
     if bias_mm > 0.0:
         about = UNFIT if params.calibration else BENT

@@ -44,27 +44,41 @@ def pose_candidates(
     capacity = rotations.shape[0] * kept
     out_r, out_t = np.empty((capacity, 3, 3)), np.empty((capacity, 3))
     out_score = np.empty(capacity)
-    found = _shifts(
-        target,
-        source,
-        rotations,
-        Search(
-            params.patches,
-            math.cos(params.angle_tolerance_rad),
-            params.pairs,
-            params.starts,
-            params.distance_tolerance_mm,
-            params.tilt_tolerance_rad,
-            params.reach,
-            params.distinct_mm,
-            kept,
-        ),
-        out_r,
-        out_t,
-        out_score,
-    )
+    search = _search(params, params.pairs, params.starts, kept)
+    found = _shifts(target, source, rotations, search, out_r, out_t, out_score)
     order = np.argsort(-out_score[:found], kind="stable")
     return out_r[order], out_t[order], out_score[order]
+
+
+def another_search(params: TranslationParams, wanted: bool = True) -> Search:
+    """How shifts are looked for once more, at a rotation that is known well; none if not wanted."""
+    kept = params.kept if wanted else 0
+    return _search(params, params.pairs_again, params.starts_again, kept)
+
+
+@compiled
+def shifts_at(target: Patches, source: Patches, r: FloatArray, search: Search) -> FloatArray:
+    """(k, 3) shifts in mm of one rotation (3, 3), as pose_candidates finds them."""
+    kept = search.kept_per_rotation
+    rotations, shifts = r.copy().reshape(1, 3, 3), np.empty((kept, 3))
+    found = _shifts(
+        target, source, rotations, search, np.empty((kept, 3, 3)), shifts, np.empty(kept)
+    )
+    return shifts[:found]
+
+
+def _search(params: TranslationParams, pairs: int, starts: int, kept: int) -> Search:
+    return Search(
+        params.patches,
+        math.cos(params.angle_tolerance_rad),
+        pairs,
+        starts,
+        params.distance_tolerance_mm,
+        params.tilt_tolerance_rad,
+        params.reach,
+        params.distinct_mm,
+        kept,
+    )
 
 
 @compiled

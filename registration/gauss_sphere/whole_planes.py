@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
 
 from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.matching import Settled
@@ -82,8 +81,11 @@ def _moved2(best: Settled, r: FloatArray, t: FloatArray) -> float:
 
 def _surer(sure: FloatArray, before: FloatArray) -> bool:
     """Whether no direction is known clearly worse than before."""
-    least = eigh(sure, before, eigvals_only=True, subset_by_index=[0, 0])
-    return bool(least[0] > NEARLY)
+    try:
+        np.linalg.cholesky(sure - NEARLY * before)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 @compiled

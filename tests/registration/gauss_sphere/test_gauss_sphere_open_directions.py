@@ -90,7 +90,7 @@ def moved_from_the_truth_mm(pair: Pair, params: GaussSphereParams) -> float:
     target, source = describe(pair.target, params), describe(pair.source, params)
     T = pair.T_target_source
     rotation, shift_mm = T.rotation.as_matrix()[None].copy(), T.translation[None].copy()
-    (pose,) = settle_best(target, source, rotation, shift_mm, np.ones(1), params)
+    (pose,) = settle_best(target, source, rotation, shift_mm, params, look_again=False)
     return float(np.linalg.norm(pose.rotation @ T.inv().apply(MIDDLE) + pose.shift_mm - MIDDLE))
 
 

@@ -25,11 +25,11 @@ from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.decision import uncertainty
 from registration.gauss_sphere.matching import settle_best
-from registration.gauss_sphere.outlines import outlines_of
+from registration.gauss_sphere.outlines import as_ends, outlines_of
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.refine import likelihood, widened
-from registration.gauss_sphere.testimony import moved_outlines, told
+from registration.gauss_sphere.testimony import ANY_WAY, said
 
 HOW = OutlineParams()
 ALONE = [0, 1, 7]  # floor, wall and one slat near the middle
@@ -112,18 +112,18 @@ def test_of_very_many_outlines_some_from_all_over_are_asked() -> None:
 def test_views_confirm_outlines_under_the_true_pose_and_deny_them_beside_it(seed: int) -> None:
     pair = pair_of(boards(np.random.default_rng(seed)), np.random.default_rng(seed))
     target, source = (describe(scan, GaussSphereParams()) for scan in (pair.target, pair.source))
-    T, outlines = pair.T_target_source, outlines_of(source, HOW)
+    T = pair.T_target_source
+    ends = as_ends(outlines_of(target, HOW)), as_ends(outlines_of(source, HOW))
 
-    def said(shift_mm: float) -> tuple[int, int]:
+    def words(shift_mm: float) -> tuple[int, int]:
         r = np.ascontiguousarray(T.rotation.as_matrix())
         t = np.asarray(T.translation) + shift_mm * ROOM.apply([0.0, 1.0, 0.0])
-        there = moved_outlines(outlines, r, t)
-        return told(target, there, np.zeros(3), HOW.off_mm, HOW.on_mm, HOW.behind_mm)
+        return said(r, t, target, source, ends, ANY_WAY, HOW)
 
-    confirmed, denied = said(0.0)
+    confirmed, denied = words(0.0)
     assert confirmed > 50
     assert denied < 0.05 * confirmed
-    confirmed, denied = said(30.0)
+    confirmed, denied = words(30.0)
     assert denied > 0.3 * confirmed
 
 
@@ -148,7 +148,7 @@ def test_a_bias_of_the_planes_does_not_undo_what_outlines_fix() -> None:
     target, source = (describe(scan, params) for scan in (pair.target, pair.source))
     T = pair.T_target_source
     rotation, shift_mm = T.rotation.as_matrix()[None], np.asarray(T.translation)[None]
-    settled = settle_best(target, source, rotation, shift_mm, np.ones(1), params)
+    settled = settle_best(target, source, rotation, shift_mm, params, look_again=False)
     exact, biased = (
         appealed(settled, target, source, bias_mm, params)[0] for bias_mm in (0.0, 3.0)
     )
@@ -190,7 +190,7 @@ def test_chance_is_taken_under_the_systematic_error_that_the_information_has() -
         describe(scan_plates(p, noise=0.5, rng=rng), params) for p in (plates, shaken)
     )
     rotation, shift_mm = T.as_matrix()[None, :3, :3].copy(), np.zeros((1, 3))
-    (pose,) = settle_best(target, source, rotation, shift_mm, np.ones(1), params)
+    (pose,) = settle_best(target, source, rotation, shift_mm, params, look_again=False)
 
     def left(of_wide: bool) -> np.ndarray:
         how = (target.patches, source.patches, pose.pairs, likelihood(params.refine))
