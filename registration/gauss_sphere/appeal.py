@@ -45,7 +45,8 @@ def appealed(
         starts.extend(_starts(pose, target, of_target, of_source, params))
     rotations = np.array([r for r, _ in starts])
     shifts = np.array([t for _, t in starts])
-    all_of_them = replace(params.verification, ranked=len(starts), rough_stride=1)
+    n = len(starts)
+    all_of_them = replace(params.verification, ranked=n, kept=n, rough_stride=1)
     poses: list[Settled] = []
     centre = middle(source.patches)
     distinct = params.decision.distinct_rad, params.decision.distinct_mm

@@ -26,42 +26,11 @@ def judge(
     appeal: outlines have been asked, too: each pose that they leave is a rival, on less surface.
     """
     best = ranked[0]
-    seen = 0.5 * (target.sample_area.sum() + source.sample_area.sum())
-    share = best.areas[SUPPORT] / seen
-    against = best.areas[CONTRADICTION] / max(best.areas[SUPPORT], 1e-9)
-    candidates = candidates_of(ranked, seen)
-    if share < params.least_support:
+    candidates = candidates_of(ranked, _seen_mm2(target, source))
+    against = shortcoming(best, target, source, params)
+    if against:
         return RegistrationResult(
-            None,
-            "failed",
-            f"the best pose lays only {share:.0%} of the seen surface on the other view's; "
-            f"{params.least_support:.0%} are needed: the views may not overlap",
-            candidates=candidates,
-            stage="verification",
-        )
-    if against > params.most_contradiction:
-        return RegistrationResult(
-            None,
-            "failed",
-            f"the best pose puts surface in space that the other view saw to be empty, "
-            f"{against:.0%} of the surface it matches; {params.most_contradiction:.0%} are allowed",
-            candidates=candidates,
-            stage="verification",
-        )
-    agreeing = agreeing_planes(best, target, params)
-    plain = against <= params.plain_contradiction
-    if not (
-        agreeing >= params.sure_planes
-        or (plain and agreeing == params.sure_planes - 1)
-        or share >= params.large_support
-    ):
-        return RegistrationResult(
-            None,
-            "failed",
-            f"{agreeing} planes agree on {share:.0%} of the seen surface, as planes of unrelated "
-            f"scenes may; {params.sure_planes} planes or {params.large_support:.0%} are needed",
-            candidates=candidates,
-            stage="verification",
+            None, "failed", against, candidates=candidates, stage="verification"
         )
     covariance, open_directions, reason = uncertainty(best, best.sure, target, params)
     if open_directions.shape[0]:
@@ -95,15 +64,52 @@ def judge(
     )
 
 
+def shortcoming(best: Settled, target: View, source: View, params: DecisionParams) -> str:
+    """Why a pose is no answer, whatever the others are: too little for it, or too much against."""
+    share = best.areas[SUPPORT] / _seen_mm2(target, source)
+    against = best.areas[CONTRADICTION] / max(best.areas[SUPPORT], 1e-9)
+    if share < params.least_support:
+        return (
+            f"the best pose lays only {share:.0%} of the seen surface on the other view's; "
+            f"{params.least_support:.0%} are needed: the views may not overlap"
+        )
+    if against > params.most_contradiction:
+        return (
+            f"the best pose puts surface in space that the other view saw to be empty, "
+            f"{against:.0%} of the surface it matches; {params.most_contradiction:.0%} are allowed"
+        )
+    agreeing = agreeing_planes(best, target, params)
+    plain = against <= params.plain_contradiction
+    if (
+        agreeing >= params.sure_planes
+        or (plain and agreeing == params.sure_planes - 1)
+        or share >= params.large_support
+    ):
+        return ""
+    return (
+        f"{agreeing} planes agree on {share:.0%} of the seen surface, as planes of unrelated "
+        f"scenes may; {params.sure_planes} planes or {params.large_support:.0%} are needed"
+    )
+
+
+def is_weak(best: Settled, target: View, source: View, params: DecisionParams) -> bool:
+    """Whether a pose is no answer, or one on so little surface that there may be better ones."""
+    share = best.areas[SUPPORT] / _seen_mm2(target, source)
+    return bool(share < params.weak_support or shortcoming(best, target, source, params))
+
+
+def _seen_mm2(target: View, source: View) -> float:
+    return float(0.5 * (target.sample_area.sum() + source.sample_area.sum()))
+
+
 def refuted(ranked: list[Settled], target: View, source: View, share: float) -> RegistrationResult:
     """What is left of an answer when outlines of faces deny it, by a share of what they say."""
-    seen = 0.5 * (target.sample_area.sum() + source.sample_area.sum())
     return RegistrationResult(
         None,
         "failed",
         f"the best pose is denied by {share:.0%} of the outlines of faces that both views tell of: "
         "faces of one view go on, or are missing, where the other saw them end",
-        candidates=candidates_of(ranked, seen),
+        candidates=candidates_of(ranked, _seen_mm2(target, source)),
         stage="verification",
     )
 

@@ -20,7 +20,7 @@ from registration.gauss_sphere.refine import (
     maximise_consistently,
     widened,
 )
-from registration.gauss_sphere.translation import Search, another_search, shifts_at
+from registration.gauss_sphere.translation import Search, search_of, shifts_at
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
     SUPPORT,
@@ -134,7 +134,7 @@ def settle_best(
         likelihood(params.refine),
         floors_mm,
         effort,
-        another_search(params.translation, look_again),
+        search_of(params.wide, params.wide.kept if look_again else 0),
         rotations,
         shifts_mm,
     )

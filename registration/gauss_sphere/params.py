@@ -85,8 +85,8 @@ class TranslationParams:
 
     patches: only so many of each view, of the largest area, are paired.
     angle_tolerance_rad: normals of a pair differ by less after the turn.
-    pairs: pairs, of the largest area, that are tried together; starts: two of them at a time;
-        pairs_again, starts_again: the same when only the rotation of the best pose is left.
+    pairs: pairs, of the largest area, that are tried together, two of them at a time; tries: about
+        how often for a rotation; starts: how many of these may lead to a shift.
     distance_tolerance_mm: by how much the distances of two planes may differ under a shift, and
         tilt_tolerance_rad: besides, over the size of the patches, for an imprecise rotation.
     reach: outlines overlap within so many standard deviations of their points.
@@ -97,15 +97,19 @@ class TranslationParams:
     patches: int = 24
     angle_tolerance_rad: float = 0.10
     pairs: int = 64
+    tries: int = 2000
     starts: int = 200
-    pairs_again: int = 400
-    starts_again: int = 2000
     distance_tolerance_mm: float = 8.0
     tilt_tolerance_rad: float = 0.03
     reach: float = 1.8
     distinct_mm: float = 15.0
     kept_per_rotation: int = 4
     kept: int = 80
+
+
+WIDE = TranslationParams(
+    patches=64, pairs=1000, tries=8000, starts=4000, kept_per_rotation=5, kept=200
+)
 
 
 @dataclass(frozen=True)
@@ -256,7 +260,8 @@ class OutlineParams:
 class DecisionParams:
     """When an answer is given.
 
-    least_support: share of the seen surface that must lie on the other view's.
+    least_support: share of the seen surface that must lie on the other view's; weak_support: where
+        it is less, other poses are looked for once more.
     most_contradiction: contradiction allowed, as a share of the support.
     sure_planes: different planes that must agree, each within agreeing_distance2. One less will do
         where contradiction is below plain_contradiction, and any number on large_support of the
@@ -271,6 +276,7 @@ class DecisionParams:
     """
 
     least_support: float = 0.08
+    weak_support: float = 0.15
     most_contradiction: float = 0.15
     sure_planes: int = 5
     plain_contradiction: float = 0.02
@@ -297,6 +303,8 @@ class GaussSphereParams:
     calibration: path of the file that the precision experiment wrote for the sensor: its bias is
         taken out of the scans and its noise weights their points. Empty for none: then the bias
         stays in, and the answers are the less accurate for it.
+    wide: how shifts are looked for at the best rotation once more, and at all rotations where the
+        answer would be none or on less than decision.weak_support of the seen surface.
     """
 
     calibration: str = ""
@@ -304,6 +312,7 @@ class GaussSphereParams:
     patches: PatchParams = field(default_factory=PatchParams)
     rotation: RotationParams = field(default_factory=RotationParams)
     translation: TranslationParams = field(default_factory=TranslationParams)
+    wide: TranslationParams = WIDE
     refine: RefineParams = field(default_factory=RefineParams)
     verification: VerificationParams = field(default_factory=VerificationParams)
     match: MatchParams = field(default_factory=MatchParams)

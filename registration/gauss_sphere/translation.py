@@ -13,6 +13,8 @@ from registration.gauss_sphere.small_matrices import invert_symmetric3
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
+LIKE = 0.97  # cosine between normals of one direction
+
 
 class Search(NamedTuple):
     """TranslationParams as the compiled loops take them."""
@@ -20,6 +22,7 @@ class Search(NamedTuple):
     patches: int
     cos_tolerance: float
     pairs: int
+    tries: int
     starts: int
     distance_tolerance_mm: float
     tilt_tolerance_rad: float
@@ -44,16 +47,10 @@ def pose_candidates(
     capacity = rotations.shape[0] * kept
     out_r, out_t = np.empty((capacity, 3, 3)), np.empty((capacity, 3))
     out_score = np.empty(capacity)
-    search = _search(params, params.pairs, params.starts, kept)
+    search = search_of(params, kept)
     found = _shifts(target, source, rotations, search, out_r, out_t, out_score)
     order = np.argsort(-out_score[:found], kind="stable")
     return out_r[order], out_t[order], out_score[order]
-
-
-def another_search(params: TranslationParams, wanted: bool = True) -> Search:
-    """How shifts are looked for once more, at a rotation that is known well; none if not wanted."""
-    kept = params.kept if wanted else 0
-    return _search(params, params.pairs_again, params.starts_again, kept)
 
 
 @compiled
@@ -67,17 +64,19 @@ def shifts_at(target: Patches, source: Patches, r: FloatArray, search: Search) -
     return shifts[:found]
 
 
-def _search(params: TranslationParams, pairs: int, starts: int, kept: int) -> Search:
+def search_of(params: TranslationParams, kept_per_rotation: int) -> Search:
+    """The parameters as the compiled loops take them, to keep so many shifts of a rotation."""
     return Search(
         params.patches,
         math.cos(params.angle_tolerance_rad),
-        pairs,
-        starts,
+        params.pairs,
+        params.tries,
+        params.starts,
         params.distance_tolerance_mm,
         params.tilt_tolerance_rad,
         params.reach,
         params.distinct_mm,
-        kept,
+        kept_per_rotation,
     )
 
 
@@ -146,31 +145,42 @@ def _shifts(
         if m == 0:
             continue
         order = np.argsort(-weight[:m], kind="mergesort")[: search.pairs]
-        n_kept, n_starts = 0, 0
-        for total in range(1, 2 * order.size - 2):
-            # Pairs of pairs in order of their ranks' sum: the large planes first.
-            for one in range(max(0, total - order.size + 1), (total + 1) // 2):
-                p, q = order[one], order[total - one]
-                cos = (
-                    normal[p, 0] * normal[q, 0]
-                    + normal[p, 1] * normal[q, 1]
-                    + normal[p, 2] * normal[q, 2]
-                )
-                if abs(cos) > 0.97 or mate_a[p] == mate_a[q] or mate_b[p] == mate_b[q]:
-                    continue
-                _fuse(shift, inverse, p, q, work, t)
-                if not _agrees(shift, inverse, p, t) or not _agrees(shift, inverse, q, t):
-                    continue
-                n_starts += 1
-                score = 0.0
-                for _ in range(2):
-                    score = _refit(
-                        shift, inverse, normal, delta, gate, weight, mate_b, order, t, served, work
-                    )
-                n_kept = _keep(t, score, search.distinct_mm, kept_t, kept_score, n_kept)
-                if n_starts >= search.starts:
-                    break
-            if n_starts >= search.starts:
+        group, first = _by_direction(normal, order)
+        most = np.diff(first).max()
+        n_kept, n_starts, n_tries = 0, 0, 0
+        # Two pairs of unlike directions at a time, by the sum of their ranks among their like.
+        for total in range(2 * most - 1):
+            for g in range(first.size - 1):
+                for h in range(g):
+                    last = min(total, first[g + 1] - first[g] - 1)
+                    for one in range(max(0, total - (first[h + 1] - first[h] - 1)), last + 1):
+                        p, q = group[first[g] + one], group[first[h] + total - one]
+                        cos = (
+                            normal[p, 0] * normal[q, 0]
+                            + normal[p, 1] * normal[q, 1]
+                            + normal[p, 2] * normal[q, 2]
+                        )
+                        if (
+                            n_starts >= search.starts
+                            or n_tries >= search.tries
+                            or abs(cos) > LIKE
+                            or mate_a[p] == mate_a[q]
+                            or mate_b[p] == mate_b[q]
+                        ):
+                            continue
+                        n_tries += 1
+                        _fuse(shift, inverse, p, q, work, t)
+                        if not (_agrees(shift, inverse, p, t) and _agrees(shift, inverse, q, t)):
+                            continue
+                        n_starts += 1
+                        score = 0.0
+                        for _ in range(2):
+                            score = _refit(
+                                shift, inverse, normal, delta, gate, weight, mate_b, order, t,
+                                served, work,
+                            )  # fmt: skip
+                        n_kept = _keep(t, score, search.distinct_mm, kept_t, kept_score, n_kept)
+            if n_starts >= search.starts or n_tries >= search.tries:
                 break
         for j in range(n_kept):
             out_r[found] = r
@@ -178,6 +188,30 @@ def _shifts(
             out_score[found] = kept_score[j]
             found += 1
     return found
+
+
+@compiled
+def _by_direction(normal: FloatArray, order: IntArray) -> tuple[IntArray, IntArray]:
+    """The pairs of each direction one after the other, as they were, and where each starts."""
+    direction = np.empty(order.size, np.int64)
+    leader = np.empty(order.size, np.int64)
+    n = 0
+    for j in range(order.size):
+        a, g = normal[order[j]], 0
+        while g < n:
+            b = normal[leader[g]]
+            if abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) > LIKE:
+                break
+            g += 1
+        if g == n:
+            leader[g] = order[j]
+            n += 1
+        direction[j] = g
+    first = np.zeros(n + 1, np.int64)
+    for j in range(order.size):
+        first[direction[j] + 1] += 1
+    first = np.cumsum(first)
+    return order[np.argsort(direction, kind="mergesort")], first
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Scenes that repeat themselves: a pose a period off is found, questions the answer or is denied."""
+"""Scenes that repeat themselves: poses a period off question the answer, or are denied."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from registration.gauss_sphere.matching import Settled, settle_best
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.testimony import denied_share
-from registration.gauss_sphere.translation import another_search, shifts_at
+from registration.gauss_sphere.translation import search_of, shifts_at
 from registration.gauss_sphere.verification import View
 
 PERIOD_MM = 100.0
@@ -81,7 +81,7 @@ def test_shifts_a_period_off_are_found(seed: int) -> None:
     target, source = views_of(pair)
     for periods in (-2, -1, 0, 1, 2):
         r, t = off_by(pair.T_target_source, periods)
-        found = shifts_at(target.patches, source.patches, r, another_search(PARAMS.translation))
+        found = shifts_at(target.patches, source.patches, r, search_of(PARAMS.wide, 50))
         assert np.linalg.norm(found - t, axis=1).min() < 8.0
 
 
