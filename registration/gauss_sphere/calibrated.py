@@ -6,8 +6,8 @@ the points around it.
 
 from __future__ import annotations
 
+import os
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -81,7 +81,7 @@ def read_known(path: str) -> Known:
 
     Raises CalibrationError or OSError.
     """
-    return _read(path, Path(path).stat().st_mtime_ns) if path else NOTHING_KNOWN
+    return _read(path, os.stat(path).st_mtime_ns) if path else NOTHING_KNOWN
 
 
 @compiled

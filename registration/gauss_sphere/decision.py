@@ -78,13 +78,11 @@ def shortcoming(best: Settled, target: View, source: View, params: DecisionParam
             f"the best pose puts surface in space that the other view saw to be empty, "
             f"{against:.0%} of the surface it matches; {params.most_contradiction:.0%} are allowed"
         )
+    if share >= params.large_support:
+        return ""
     agreeing = agreeing_planes(best, target, params)
     plain = against <= params.plain_contradiction
-    if (
-        agreeing >= params.sure_planes
-        or (plain and agreeing == params.sure_planes - 1)
-        or share >= params.large_support
-    ):
+    if agreeing >= params.sure_planes or (plain and agreeing == params.sure_planes - 1):
         return ""
     return (
         f"{agreeing} planes agree on {share:.0%} of the seen surface, as planes of unrelated "

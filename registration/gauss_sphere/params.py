@@ -242,7 +242,7 @@ class OutlineParams:
     off_mm: float = 8.0
     on_mm: float = 5.0
     most_points: int = 600
-    every: int = 8
+    every: int = 12
     refuted_share: float = 0.3
     refuting_share: float = 0.09
     least: int = 20
