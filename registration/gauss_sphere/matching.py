@@ -8,28 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.calibrated import read_known
-from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import middle
-from registration.gauss_sphere.poses import are_same
-from registration.gauss_sphere.refine import (
-    ROUGHLY,
-    Likelihood,
-    likelihood,
-    maximise,
-    maximise_consistently,
-    widened,
-)
-from registration.gauss_sphere.translation import Search, search_of, shifts_at
-from registration.gauss_sphere.verification import (
-    CONTRADICTION,
-    SUPPORT,
-    Comparison,
-    View,
-    compare_both,
-    comparison,
-)
-from registration.kernels import compiled
+from registration.gauss_sphere.refine import likelihood
+from registration.gauss_sphere.settling import Effort, settle_all
+from registration.gauss_sphere.translation import search_of
+from registration.gauss_sphere.verification import View, comparison
 from registration.scan import FloatArray, IntArray
 
 
@@ -54,45 +38,6 @@ class Settled(NamedTuple):
     distance2: FloatArray
     areas: FloatArray
     score: float
-
-
-class Effort(NamedTuple):
-    """Parameters of settling as the compiled loops take them.
-
-    rough_tolerance_mm, rough_stride, ranked, kept, worth_settling, worth_refining: see
-        VerificationParams.
-    tolerances_mm, floors_mm, strides, least_samples: see MatchParams.
-    distinct_rad, distinct_mm: poses closer than this are one; they are compared at middle_mm (3,).
-    """
-
-    rough_tolerance_mm: float
-    rough_stride: int
-    ranked: int
-    kept: int
-    worth_settling: float
-    worth_refining: float
-    tolerances_mm: FloatArray
-    floors_mm: FloatArray
-    strides: IntArray
-    least_samples: int
-    distinct_rad: float
-    distinct_mm: float
-    middle_mm: FloatArray
-
-
-class Matches(NamedTuple):
-    """What settling fills in for each pose: the fields of Settled, one more axis in front."""
-
-    rotation: FloatArray
-    shift_mm: FloatArray
-    information: FloatArray
-    sure: FloatArray
-    floor_mm: FloatArray
-    n_pairs: IntArray
-    pairs: IntArray
-    distance2: FloatArray
-    areas: FloatArray
-    score: FloatArray
 
 
 def settle_best(
@@ -127,7 +72,7 @@ def settle_best(
         middle(source.patches),
     )
     floors_mm = _floors_mm(params.refine.floors_mm, read_known(params.calibration).known_to_mm)
-    found, kept = _settle_best(
+    found, kept = settle_all(
         target,
         source,
         comparison(verification),
@@ -160,190 +105,3 @@ def settle_best(
 @lru_cache(maxsize=8)
 def _floors_mm(floors_mm: tuple[float, ...], known_to_mm: float) -> FloatArray:
     return np.unique(np.maximum(floors_mm, known_to_mm))
-
-
-@compiled
-def _same(effort: Effort, ra: FloatArray, ta: FloatArray, rb: FloatArray, tb: FloatArray) -> bool:
-    return are_same(ra, ta, rb, tb, effort.middle_mm, effort.distinct_rad, effort.distinct_mm)
-
-
-@compiled
-def _known(effort: Effort, found: Matches, n: int, r: FloatArray, t: FloatArray) -> bool:
-    known = False
-    for c in range(n):
-        known = known or _same(effort, found.rotation[c], found.shift_mm[c], r, t)
-    return known
-
-
-@compiled
-def _settle_best(
-    target: View,
-    source: View,
-    how: Comparison,
-    likely: Likelihood,
-    floors: FloatArray,
-    effort: Effort,
-    again: Search,
-    rotations: FloatArray,
-    shifts: FloatArray,
-) -> tuple[Matches, IntArray]:
-    n_a, n_b = target.patches.n_points.size, source.patches.n_points.size
-    capacity = 2 * effort.kept
-    found = Matches(
-        np.empty((capacity, 3, 3)),
-        np.empty((capacity, 3)),
-        np.zeros((capacity, 6, 6)),
-        np.zeros((capacity, 6, 6)),
-        np.empty(capacity),
-        np.empty(capacity, np.int64),
-        np.empty((capacity, n_a * n_b, 2), np.int64),
-        np.empty((capacity, n_a * n_b)),
-        np.empty((capacity, 4)),
-        np.empty(capacity),
-    )
-    counts = np.zeros((n_a, n_b), np.int64)
-    n = _settle_more(
-        target, source, how, likely, floors, effort, counts, found, 0, rotations, shifts
-    )
-    if n > 0 and again.kept_per_rotation > 0:
-        best = found.rotation[np.argmax(found.score[:n])]
-        shifts = shifts_at(target.patches, source.patches, best, again)
-        rotations = np.empty((shifts.shape[0], 3, 3))
-        rotations[:] = best
-        n = _settle_more(
-            target, source, how, likely, floors, effort, counts, found, n, rotations, shifts
-        )
-    order = np.argsort(-found.score[:n], kind="mergesort")
-    kept, n_kept = np.empty(n, np.int64), 0
-    for c in order:
-        new = True
-        for other in kept[:n_kept]:
-            new = new and not _same(
-                effort, found.rotation[other], found.shift_mm[other], found.rotation[c],
-                found.shift_mm[c],
-            )  # fmt: skip
-        if new:
-            kept[n_kept] = c
-            n_kept += 1
-    return found, kept[:n_kept]
-
-
-@compiled
-def _settle_more(
-    target: View,
-    source: View,
-    how: Comparison,
-    likely: Likelihood,
-    floors: FloatArray,
-    effort: Effort,
-    counts: IntArray,
-    found: Matches,
-    n: int,
-    rotations: FloatArray,
-    shifts: FloatArray,
-) -> int:
-    """Settle candidates that may rival each other and the n poses found; how many they are then."""
-    new = np.empty(shifts.shape[0], np.int64)
-    score = np.empty(new.size)
-    ranked = 0
-    for c in range(new.size):
-        if ranked < effort.ranked and not _known(effort, found, n, rotations[c], shifts[c]):
-            areas = found.areas[n]
-            compare_both(
-                target, source, how, rotations[c], shifts[c], effort.rough_tolerance_mm,
-                effort.rough_stride, counts, areas,
-            )  # fmt: skip
-            new[ranked], score[ranked] = c, _score(how, areas)
-            ranked += 1
-    best = -np.inf
-    for c in range(n):
-        best = max(best, found.score[c])
-    for k in np.argsort(-score[:ranked], kind="mergesort")[: effort.kept]:
-        if n > 0 and score[k] < effort.worth_settling * best:
-            break
-        r, t = rotations[new[k]], shifts[new[k]]
-        if _known(effort, found, n, r, t):
-            continue
-        found.rotation[n], found.shift_mm[n] = r, t
-        least = effort.worth_settling * max(best, 0.0)
-        if not _settle(target, source, how, likely, effort, least, counts, found, n):
-            continue
-        # Only those that may be the answer, or question it, are refined to the end.
-        if found.score[n] >= effort.worth_refining * best:
-            _finish(target, source, how, likely, floors, effort, counts, found, n)
-            best = max(best, found.score[n])
-            n += 1
-    return n
-
-
-@compiled
-def _score(how: Comparison, areas: FloatArray) -> float:
-    return float(areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION])
-
-
-@compiled
-def _settle(
-    target: View,
-    source: View,
-    how: Comparison,
-    likely: Likelihood,
-    effort: Effort,
-    least_score: float,
-    counts: IntArray,
-    found: Matches,
-    c: int,
-) -> bool:
-    """Settle pose c of found; whether it is new, matches two planes and may rival the others."""
-    r, t, pairs, areas = found.rotation[c], found.shift_mm[c], found.pairs[c], found.areas[c]
-    for stage in range(effort.tolerances_mm.size):
-        compare_both(
-            target, source, how, r, t, effort.tolerances_mm[stage], effort.strides[stage], counts,
-            areas,
-        )  # fmt: skip
-        n = 0
-        for i in range(counts.shape[0]):
-            for k in range(counts.shape[1]):
-                if counts[i, k] >= effort.least_samples:
-                    pairs[n, 0], pairs[n, 1] = i, k
-                    n += 1
-        found.score[c] = _score(how, areas)
-        if n < 2 or (stage > 1 and found.score[c] < least_score):
-            return False
-        maximise(
-            target.patches, source.patches, pairs[:n], likely, effort.floors_mm[stage], r, t,
-            found.information[c], found.distance2[c], ROUGHLY,
-        )  # fmt: skip
-        found.n_pairs[c] = n
-        # Many starts lead to one pose.
-        if stage == 1 and _known(effort, found, c, r, t):
-            return False
-    return True
-
-
-@compiled
-def _finish(
-    target: View,
-    source: View,
-    how: Comparison,
-    likely: Likelihood,
-    floors: FloatArray,
-    effort: Effort,
-    counts: IntArray,
-    found: Matches,
-    c: int,
-) -> None:
-    r, t, areas = found.rotation[c], found.shift_mm[c], found.areas[c]
-    found.floor_mm[c] = maximise_consistently(
-        target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely, floors, r, t,
-        found.information[c], found.distance2[c],
-    )  # fmt: skip
-    pairs = found.pairs[c, : found.n_pairs[c]]
-    take_chance(
-        target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.information[c]
-    )  # fmt: skip
-    wide_mm = widened(
-        target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.sure[c], 0.0
-    )  # fmt: skip
-    take_chance(target.patches, source.patches, pairs, likely, wide_mm, r, t, found.sure[c])
-    compare_both(target, source, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
-    found.score[c] = _score(how, areas)
