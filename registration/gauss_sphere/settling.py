@@ -91,7 +91,7 @@ def settle_all(
     rotations: FloatArray,
     shifts: FloatArray,
 ) -> tuple[Matches, IntArray]:
-    """Settle candidates, and shifts that are found again at the best rotation, as far as they rival.
+    """Settle candidates, then shifts that are found again at the best rotation, if they may rival.
 
     again: how these are looked for, with none to keep for not at all.
     Returns the poses found, and which of them are different, best first.
