@@ -145,6 +145,8 @@ def _shifts(
         if m == 0:
             continue
         order = np.argsort(-weight[:m], kind="mergesort")[: search.pairs]
+        if order.size == 0:
+            continue
         group, first = _by_direction(normal, order)
         most = np.diff(first).max()
         n_kept, n_starts, n_tries = 0, 0, 0
