@@ -51,7 +51,12 @@ def appealed(
     centre = middle(source.patches)
     distinct = params.decision.distinct_rad, params.decision.distinct_mm
     again = settle_best(
-        target, source, rotations, shifts, replace(params, verification=all_of_them), False
+        target,
+        source,
+        rotations,
+        shifts,
+        replace(params, verification=all_of_them),
+        look_again=False,
     )
     if bias_mm > 0.0:
         again = [doubted(p, target.patches, source.patches, bias_mm, params) for p in again]

@@ -46,6 +46,7 @@ def settle_best(
     rotations: FloatArray,
     shifts_mm: FloatArray,
     params: GaussSphereParams,
+    *,
     look_again: bool = True,
 ) -> list[Settled]:
     """Settle the candidates by falling score until the rest cannot rival the best.
@@ -93,8 +94,8 @@ def settle_best(
                 found.information[c],
                 found.sure[c],
                 float(found.floor_mm[c]),
-                found.pairs[c, :n],
-                found.distance2[c, :n],
+                found.pairs[c, :n].copy(),
+                found.distance2[c, :n].copy(),
                 found.areas[c],
                 float(found.score[c]),
             )

@@ -30,8 +30,8 @@ STRAIGHT_MM, STRAIGHT_CELLS = 1.0, 0.7  # how far off a line points scatter: mm 
 class Ends(NamedTuple):
     """Where faces end, one by one.
 
-    point_mm: (n, 3) on a plane; outward, normal: (n, 3) unit, in the plane out of the face, along
-    a profile or across profiles, and across the plane.
+    point_mm: (n, 3) on a plane; outward, normal: (n, 3) unit, in the plane out of the face (along a
+    profile or across profiles, or, of an outline, across its line), and across the plane.
     """
 
     point_mm: FloatArray
@@ -56,7 +56,7 @@ class Outlines(NamedTuple):
 
 
 def as_ends(outlines: Outlines) -> Ends:
-    """The points of outlines, as others are heard of that have no line."""
+    """The points of outlines, without the lines that they make."""
     return Ends(outlines.point_mm, outlines.outward, outlines.normal)
 
 

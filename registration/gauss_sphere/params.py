@@ -85,8 +85,8 @@ class TranslationParams:
 
     patches: only so many of each view, of the largest area, are paired.
     angle_tolerance_rad: normals of a pair differ by less after the turn.
-    pairs: pairs, of the largest area, that are tried together, two of them at a time; tries: about
-        how often for a rotation; starts: how many of these may lead to a shift.
+    pairs: pairs, of the largest area, that are tried together, two of them at a time; tries: how
+        often at most for a rotation; starts: how many of these may lead to a shift.
     distance_tolerance_mm: by how much the distances of two planes may differ under a shift, and
         tilt_tolerance_rad: besides, over the size of the patches, for an imprecise rotation.
     reach: outlines overlap within so many standard deviations of their points.
@@ -107,9 +107,16 @@ class TranslationParams:
     kept: int = 80
 
 
-WIDE = TranslationParams(
-    patches=64, pairs=1000, tries=8000, starts=4000, kept_per_rotation=5, kept=200
-)
+@dataclass(frozen=True)
+class WideParams(TranslationParams):
+    """The same for a wider search, at the best rotation (kept go on) and where no pose is sure."""
+
+    patches: int = 64
+    pairs: int = 1000
+    tries: int = 8000
+    starts: int = 4000
+    kept_per_rotation: int = 5
+    kept: int = 200
 
 
 @dataclass(frozen=True)
@@ -220,7 +227,7 @@ class WholePlaneParams:
 
 @dataclass(frozen=True)
 class OutlineParams:
-    """Outlines of faces, asked where planes alone give no answer that is "ok".
+    """Outlines of faces, asked where planes give no answer that is "ok", or one that seems denied.
 
     behind_mm: a face ends where what comes next lies so much farther away, at most missing_pixels
         on. near_mm: points of an outline so close make its line, which errs by line_mm.
@@ -228,7 +235,8 @@ class OutlineParams:
     every: of so many profiles and pixels one is looked at for ends of faces where an answer is
         "ok": if the views deny more than refuted_share of those that they know of, outlines are
         asked, and it is taken back where that is true of them, and of refuting_share of them all.
-    off_mm: how far to both sides of an outline the other view is asked, on_mm: from its plane.
+    off_mm: how far to both sides of an outline the other view is asked, or half a cell of both
+        views together, if that is more; on_mm: how far from its plane.
     least, confirmed_share: points, and share of all, that must be confirmed. denied_share: of those
         that the other view says something of, what it may deny of the best pose; dropped_share:
         poses of which it denies a share larger by this than the least are dropped.
@@ -312,7 +320,7 @@ class GaussSphereParams:
     patches: PatchParams = field(default_factory=PatchParams)
     rotation: RotationParams = field(default_factory=RotationParams)
     translation: TranslationParams = field(default_factory=TranslationParams)
-    wide: TranslationParams = WIDE
+    wide: WideParams = field(default_factory=WideParams)
     refine: RefineParams = field(default_factory=RefineParams)
     verification: VerificationParams = field(default_factory=VerificationParams)
     match: MatchParams = field(default_factory=MatchParams)

@@ -97,7 +97,7 @@ def settle_all(
     Returns the poses found, and which of them are different, best first.
     """
     n_a, n_b = target.patches.n_points.size, source.patches.n_points.size
-    capacity = 2 * effort.kept
+    capacity = effort.kept * (2 if again.kept_per_rotation > 0 else 1)
     found = Matches(
         np.empty((capacity, 3, 3)),
         np.empty((capacity, 3)),
@@ -154,10 +154,9 @@ def _settle_more(
     """Settle candidates that may rival each other and the n poses found; how many they are then."""
     new = np.empty(shifts.shape[0], np.int64)
     score = np.empty(new.size)
-    ranked = 0
+    ranked, areas = 0, np.empty(4)
     for c in range(new.size):
         if ranked < effort.ranked and not _known(effort, found, n, rotations[c], shifts[c]):
-            areas = found.areas[n]
             compare_both(
                 target, source, how, rotations[c], shifts[c], effort.rough_tolerance_mm,
                 effort.rough_stride, counts, areas,
@@ -178,7 +177,7 @@ def _settle_more(
         if not _settle(target, source, how, likely, effort, least, counts, found, n):
             continue
         # Only those that may be the answer, or question it, are refined to the end.
-        if found.score[n] >= effort.worth_refining * best:
+        if n == 0 or found.score[n] >= effort.worth_refining * best:
             _finish(target, source, how, likely, floors, effort, counts, found, n)
             best = max(best, found.score[n])
             n += 1

@@ -33,7 +33,8 @@ def denied_share(
     ends = as_ends(outlines_of(target, params)), as_ends(outlines_of(source, params))
     confirmed, denied = said(r, t, target, source, ends, ANY_WAY, params)
     needed = params.refuting_share * (len(ends[0].point_mm) + len(ends[1].point_mm))
-    return denied / (confirmed + denied) if denied > max(needed, params.least) else 0.0
+    share = denied / max(confirmed + denied, 1)
+    return share if denied > max(needed, params.least) else 0.0
 
 
 def said(
@@ -72,8 +73,10 @@ def _said(
         for v in range(3):
             back_t[u] -= back_r[u, v] * t[v]
             back_across[u] += back_r[u, v] * across[v]
-    one = _told(target, of_source, r, t, across, off_mm, on_mm, behind_mm)
-    other = _told(source, of_target, back_r, back_t, back_across, off_mm, on_mm, behind_mm)
+    # Where a face ends is known to half a cell, and so is where the other view looked.
+    off = max(off_mm, 0.5 * (_cell_mm(target) + _cell_mm(source)))
+    one = _told(target, of_source, r, t, across, off, on_mm, behind_mm)
+    other = _told(source, of_target, back_r, back_t, back_across, off, on_mm, behind_mm)
     return one[0] + other[0], one[1] + other[1]
 
 
@@ -92,6 +95,19 @@ def _said_of_some(
     of_target = ends_of(target.fan, target.patches, behind_mm, missing_pixels, every)
     of_source = ends_of(source.fan, source.patches, behind_mm, missing_pixels, every)
     return _said(r, t, target, source, of_target, of_source, np.zeros(3), off_mm, on_mm, behind_mm)
+
+
+@compiled
+def _cell_mm(view: View) -> float:
+    """How far apart neighbouring points of a view are: profiles, or pixels where it sees planes."""
+    fan = view.fan
+    rows, seen = fan.x_mm.size, np.flatnonzero(np.isfinite(fan.column_slope))
+    if seen.size == 0 or view.sample_area.size == 0:
+        return 0.0
+    step = abs(fan.x_mm[rows - 1] - fan.x_mm[0]) / max(rows - 1, 1)
+    slopes = fan.column_slope[seen[-1]] - fan.column_slope[seen[0]]
+    pitch = abs(slopes) / max(seen[-1] - seen[0], 1)
+    return float(max(step, pitch * (view.sample_mm[:, 2].mean() - fan.apex_mm[2])))
 
 
 @compiled
@@ -134,6 +150,7 @@ def _told(
 
     It confirms one where it sees the face inside of it and free space outside, and denies it where
     it sees the face on both sides, or nothing where the face should be.
+    across: (3,) only those count that lead out of the face along it; 0 for all.
     """
     confirmed, denied = 0, 0
     any_way = across[0] == 0.0 and across[1] == 0.0 and across[2] == 0.0

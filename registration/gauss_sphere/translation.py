@@ -13,7 +13,8 @@ from registration.gauss_sphere.small_matrices import invert_symmetric3
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
-LIKE = 0.97  # cosine between normals of one direction
+PARALLEL = 0.97  # cosine between normals that fix no two directions
+ONE_DIRECTION = 0.9925  # of half that angle: what is not parallel is never of one direction
 
 
 class Search(NamedTuple):
@@ -165,7 +166,7 @@ def _shifts(
                         if (
                             n_starts >= search.starts
                             or n_tries >= search.tries
-                            or abs(cos) > LIKE
+                            or abs(cos) > PARALLEL
                             or mate_a[p] == mate_a[q]
                             or mate_b[p] == mate_b[q]
                         ):
@@ -202,7 +203,7 @@ def _by_direction(normal: FloatArray, order: IntArray) -> tuple[IntArray, IntArr
         a, g = normal[order[j]], 0
         while g < n:
             b = normal[leader[g]]
-            if abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) > LIKE:
+            if abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) > ONE_DIRECTION:
                 break
             g += 1
         if g == n:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plane_scans import (
@@ -14,15 +16,16 @@ from plane_scans import (
     join,
     move_plates,
     plates_from,
+    pose_error,
     random_view,
     scan_plates,
 )
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from registration import register
+from registration import Scan, register
 from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.matching import Settled, settle_best
-from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
+from registration.gauss_sphere.params import GaussSphereParams, OutlineParams, WideParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.testimony import denied_share
 from registration.gauss_sphere.translation import search_of, shifts_at
@@ -133,3 +136,53 @@ def test_an_answer_that_outlines_deny_is_taken_back() -> None:
     assert result.T_target_source is None
     assert "outlines" in result.reason
     assert result.candidates
+
+
+@pytest.mark.parametrize("every", [(1, 4), (4, 4), (5, 5), (1, 6)])
+def test_ends_between_profiles_far_apart_deny_no_right_answer(every: tuple[int, int]) -> None:
+    for seed in range(6):
+        pair = clutter_pair(seed, noise=1.0)
+        target, source = (
+            Scan.from_points(scan.points_mm[::k], 5.0 * k, apex_mm=scan.apex_mm)
+            for scan, k in zip((pair.target, pair.source), every, strict=True)
+        )
+        result = register(target, source)
+        assert "outlines" not in result.reason, (seed, result.reason)
+
+
+def test_a_pose_that_the_first_search_misses_is_found_widely() -> None:
+    missed, found = 0, 0
+    narrow = replace(PARAMS.translation, starts=0)
+    off = replace(PARAMS, translation=narrow, wide=replace(PARAMS.wide, starts=0))
+    for seed in range(4):
+        pair = clutter_pair(seed, noise=1.0)
+        missed += register(pair.target, pair.source, params=off).status == "failed"
+        result = register(pair.target, pair.source, params=replace(PARAMS, translation=narrow))
+        found += result.status == "ok"
+        assert result.T_target_source is not None
+        assert pose_error(result.T_target_source, pair.T_target_source)[1] < 5.0
+    assert missed == found == 4
+
+
+def test_one_field_of_the_wide_search_leaves_the_others_as_they_are() -> None:
+    assert WideParams(tries=4000) == replace(PARAMS.wide, tries=4000)
+
+
+@pytest.mark.parametrize("tilt_deg", [10.0, 13.0, 20.0])
+def test_directions_that_differ_little_are_paired(tilt_deg: float) -> None:
+    """A flat top and four sides that fall away from it by a little."""
+    tilt = np.radians(tilt_deg)
+    normals, places = [[0.0, 0.0, -1.0]], [[0.0, 0.0, 0.0]]
+    for axis in range(2):
+        for sign in (-1.0, 1.0):
+            out = sign * np.eye(3)[axis]
+            normals.append([*(np.sin(tilt) * out[:2]), -np.cos(tilt)])
+            along = np.cos(tilt) * out + np.sin(tilt) * np.array([0.0, 0.0, 1.0])
+            places.append(60.0 * out + 60.0 * along)
+    top = plates_from(np.array(normals), MIDDLE + np.array(places), np.full((5, 2), 60.0))
+    for seed in range(5):
+        pair = pair_of(top, seed)
+        target, source = views_of(pair)
+        r, t = off_by(pair.T_target_source, 0)
+        found = shifts_at(target.patches, source.patches, r, search_of(PARAMS.translation, 10))
+        assert np.linalg.norm(found - t, axis=1).min() < 25.0
