@@ -20,7 +20,7 @@ from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.refine import distances2, likelihood
 from registration.gauss_sphere.small_matrices import apply_step
 from registration.gauss_sphere.testimony import ANY_WAY, said
-from registration.gauss_sphere.verification import View, rank, scores
+from registration.gauss_sphere.verification import View, compared
 from registration.kernels import compiled
 from registration.scan import FloatArray
 
@@ -147,16 +147,17 @@ def _fixed(
             new_r, new_t = np.empty((3, 3)), np.empty(3)
             apply_step(step, r, t, new_r, new_t)
             r, t = new_r, new_t
-    areas = rank(target, source, r[None], t[None], params.match.tolerances_mm[-1], 1,
-                 params.verification)  # fmt: skip
+    areas, score = compared(
+        target, source, r, t, params.match.tolerances_mm[-1], params.verification
+    )
     moved_there = pose._replace(
         rotation=r,
         shift_mm=t,
         sure=sure + information,
         information=known + information,
         distance2=distances2(*planes, pose.pairs, likely, pose.floor_mm, r, t),
-        areas=areas[0],
-        score=float(scores(areas, params.verification)[0]),
+        areas=areas,
+        score=score,
     )
     centre = centre_of(pose, target)
     ends = as_ends(of_target), as_ends(of_source)

@@ -14,7 +14,7 @@ from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import is_weak, judge, refuted, sliding, transforms
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import labels
-from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.matching import settle_best
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, fit_patches
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
@@ -25,7 +25,7 @@ from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.verification import View, view_of
 from registration.gauss_sphere.whole_planes import by_whole_planes
 from registration.result import RegistrationResult
-from registration.scan import FloatArray, Scan
+from registration.scan import Scan
 
 ONE_DIRECTION_RAD = 0.1
 FARTHEST_MM = 0.9e5
@@ -100,11 +100,19 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     if rotations.shape[0] == 0:
         return replace(_no_rotation(target, source), evidence=nothing)
     turned = perf_counter()
-    candidates = pose_candidates(target.patches, source.patches, rotations, params.translation)
-    shifted = perf_counter()
-    settled = settle_best(target, source, *candidates[:2], params)
+    first_r, first_t, _ = pose_candidates(
+        target.patches, source.patches, rotations, params.translation
+    )
+    shifting = perf_counter() - turned
+    settled = settle_best(target, source, first_r, first_t, params)
     if not settled or is_weak(settled[0], target, source, params.decision):
-        settled = _settled_widely(settled, target, source, rotations, params)
+        again = perf_counter()
+        wide_r, wide_t, _ = pose_candidates(target.patches, source.patches, rotations, params.wide)
+        shifting += perf_counter() - again
+        both_r, both_t = np.concatenate([first_r, wide_r]), np.concatenate([first_t, wide_t])
+        all_of_them = replace(params.verification, ranked=both_t.shape[0])
+        wide = replace(params, verification=all_of_them)
+        settled = settle_best(target, source, both_r, both_t, wide)
     if not settled:
         return RegistrationResult(
             None,
@@ -141,25 +149,10 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     planes = PlaneEvidence(target, source, best.pairs, best.distance2, params)
     stage_ms = {
         "rotation": 1e3 * (turned - started),
-        "translation": 1e3 * (shifted - turned),
-        "verification": 1e3 * (perf_counter() - shifted),
+        "translation": 1e3 * shifting,
+        "verification": 1e3 * (perf_counter() - turned - shifting),
     }
     return replace(result, stage_ms=stage_ms, evidence={"planes": planes})
-
-
-def _settled_widely(
-    settled: list[Settled],
-    target: View,
-    source: View,
-    rotations: FloatArray,
-    params: GaussSphereParams,
-) -> list[Settled]:
-    """What a search with more planes and shifts finds, if it is no worse than what is known."""
-    candidates = pose_candidates(target.patches, source.patches, rotations, params.wide)
-    all_of_them = replace(params.verification, ranked=params.wide.kept)
-    wide = replace(params, verification=all_of_them)
-    found = settle_best(target, source, *candidates[:2], wide)
-    return found if found and (not settled or found[0].score >= settled[0].score) else settled
 
 
 def _marks(target: View, source: View) -> tuple[str, ...]:

@@ -15,13 +15,13 @@ from registration.gauss_sphere.refine import (
     maximise_consistently,
     widened,
 )
-from registration.gauss_sphere.translation import Search, shifts_at
+from registration.gauss_sphere.shift_search import Search
+from registration.gauss_sphere.translation import shifts_at
 from registration.gauss_sphere.verification import (
-    CONTRADICTION,
-    SUPPORT,
     Comparison,
     View,
     compare_both,
+    score_of,
 )
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
@@ -161,7 +161,7 @@ def _settle_more(
                 target, source, how, rotations[c], shifts[c], effort.rough_tolerance_mm,
                 effort.rough_stride, counts, areas,
             )  # fmt: skip
-            new[ranked], score[ranked] = c, _score(how, areas)
+            new[ranked], score[ranked] = c, score_of(how, areas)
             ranked += 1
     best = -np.inf
     for c in range(n):
@@ -182,11 +182,6 @@ def _settle_more(
             best = max(best, found.score[n])
             n += 1
     return n
-
-
-@compiled
-def _score(how: Comparison, areas: FloatArray) -> float:
-    return float(areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION])
 
 
 @compiled
@@ -214,7 +209,7 @@ def _settle(
                 if counts[i, k] >= effort.least_samples:
                     pairs[n, 0], pairs[n, 1] = i, k
                     n += 1
-        found.score[c] = _score(how, areas)
+        found.score[c] = score_of(how, areas)
         if n < 2 or (stage > 1 and found.score[c] < least_score):
             return False
         maximise(
@@ -254,4 +249,4 @@ def _finish(
     )  # fmt: skip
     take_chance(target.patches, source.patches, pairs, likely, wide_mm, r, t, found.sure[c])
     compare_both(target, source, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
-    found.score[c] = _score(how, areas)
+    found.score[c] = score_of(how, areas)

@@ -156,43 +156,29 @@ def _slope_table(column_slope: FloatArray) -> tuple[IntArray, float, float]:
     return pixel_of, low, pixel_of.size / (high - low)
 
 
-def rank(
+def compared(
     target: View,
     source: View,
-    rotations: FloatArray,
-    shifts_mm: FloatArray,
+    r: FloatArray,
+    t: FloatArray,
     tolerance_mm: float,
-    stride: int,
     params: VerificationParams,
-) -> FloatArray:
-    """(c, 4) mean area in mm^2, over both views, of support, contradiction, hidden and outside."""
-    areas = np.zeros((rotations.shape[0], 4))
-    how = comparison(params)
-    _rank(target, source, how, rotations, shifts_mm, tolerance_mm, stride, areas)
-    return areas
+) -> tuple[FloatArray, float]:
+    """What two views say of a pose p_target = r p_source + t, by all their samples.
 
-
-def scores(areas: FloatArray, params: VerificationParams) -> FloatArray:
-    """(c,) support less weighted contradiction, in mm^2, of areas (c, 4) as rank gives them."""
-    return np.asarray(areas[:, SUPPORT] - params.contradiction_weight * areas[:, CONTRADICTION])
+    Returns (4,) mean area in mm^2, over both views, of support, contradiction, hidden and outside,
+    and the pose's score.
+    """
+    areas, how = np.empty(4), comparison(params)
+    counts = np.empty((target.patches.n_points.size, source.patches.n_points.size), np.int64)
+    compare_both(target, source, how, r, t, tolerance_mm, 1, counts, areas)
+    return areas, float(score_of(how, areas))
 
 
 @compiled
-def _rank(
-    target: View,
-    source: View,
-    how: Comparison,
-    rotations: FloatArray,
-    shifts: FloatArray,
-    tolerance: float,
-    stride: int,
-    areas: FloatArray,
-) -> None:
-    counts = np.zeros((target.patches.n_points.size, source.patches.n_points.size), np.int64)
-    for c in range(rotations.shape[0]):
-        compare_both(
-            target, source, how, rotations[c], shifts[c], tolerance, stride, counts, areas[c]
-        )
+def score_of(how: Comparison, areas: FloatArray) -> float:
+    """Support less weighted contradiction, in mm^2."""
+    return float(areas[SUPPORT] - how.contradiction_weight * areas[CONTRADICTION])
 
 
 @compiled
