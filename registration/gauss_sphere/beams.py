@@ -50,14 +50,14 @@ class Fan(NamedTuple):
 def fan_of(scan: Scan) -> Fan:
     """Describe a scan by its beams; the apex is estimated when the scan does not carry it."""
     apex_mm = estimate_apex(scan) if scan.apex_mm is None else scan.apex_mm
-    n_profiles, n_pixels, _ = scan.points_mm.shape
+    shape = scan.points_mm.shape[:2]
     fan = Fan(
         x_mm=apex_mm[0] + scan.origins_mm[:, 0],
         apex_mm=np.array(apex_mm),
-        slope=np.zeros((n_profiles, n_pixels)),
-        depth_mm=np.full((n_profiles, n_pixels), np.nan),
-        sigma_mm=np.zeros((n_profiles, n_pixels)),
-        column_slope=np.full(n_pixels, np.nan),
+        slope=np.empty(shape),
+        depth_mm=np.empty(shape),
+        sigma_mm=np.empty(shape),
+        column_slope=np.empty(shape[1]),
         lean=scan.travel[1:] / scan.travel[0],
     )
     _take_beams(scan.points_mm, fan)
@@ -67,12 +67,20 @@ def fan_of(scan: Scan) -> Fan:
 
 
 @compiled
+def profile_step_mm(fan: Fan) -> float:
+    """How far apart along X profiles are, 0 where there is only one."""
+    last = fan.x_mm.size - 1
+    return float((fan.x_mm[last] - fan.x_mm[0]) / max(last, 1))
+
+
+@compiled
 def _take_beams(points: FloatArray, fan: Fan) -> None:
     sums, seen = np.zeros(points.shape[1]), np.zeros(points.shape[1])
     for p in range(points.shape[0]):
         x, n = 0.0, 0
         for u in range(points.shape[1]):
             depth = points[p, u, 2] - fan.lean[1] * points[p, u, 0] - fan.apex_mm[2]
+            fan.depth_mm[p, u], fan.slope[p, u] = np.nan, 0.0
             if depth > 0.0:
                 aside = points[p, u, 1] - fan.lean[0] * points[p, u, 0] - fan.apex_mm[1]
                 slope = aside / depth
@@ -85,8 +93,7 @@ def _take_beams(points: FloatArray, fan: Fan) -> None:
         if n > 0:
             fan.x_mm[p] = x / n
     for u in range(points.shape[1]):
-        if seen[u] > 0.0:
-            fan.column_slope[u] = sums[u] / seen[u]
+        fan.column_slope[u] = sums[u] / seen[u]  # NaN if never seen
 
 
 @compiled

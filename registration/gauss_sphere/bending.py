@@ -15,7 +15,7 @@ from registration.gauss_sphere.calibrated import Known, look_up, tangent_of
 from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import BendingParams, GaussSphereParams
-from registration.gauss_sphere.patches import Patches
+from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.gauss_sphere.refine import likelihood, widened
 from registration.gauss_sphere.verification import View
 from registration.kernels import compiled
@@ -215,23 +215,20 @@ def _add_view(
     if known.given:
         at = slope[chosen[:n]] if known.lateral else tangent
         look_up(known.bias, met, fan.apex_mm[2], at, value)
-    lean_y, lean_z = fan.lean
-    row = np.empty(6)
+    row, planes = np.empty(6), planes_in_beams(fan, patches)
     for k in range(n):
         j = chosen[k]
         i = first[label[j]]
-        normal, centre = patches.normal[i], patches.centroid_mm[i]
+        centre = patches.centroid_mm[i]
         s, x = slope[j], fan.x_mm[j // columns]
         # The beam's foot on the plane of the largest piece: the noise is all in the depth.
-        offset = patches.offset_mm[i] - normal[1] * fan.apex_mm[1] - normal[2] * fan.apex_mm[2]
-        n_travel = normal[0] + normal[1] * lean_y + normal[2] * lean_z
-        along = normal[1] * s + normal[2]
-        foot = (offset - n_travel * x) / along
+        along = planes[i, 1] * s + planes[i, 2]
+        foot = (planes[i, 3] - planes[i, 0] * x) / along
         lateral = PARABOLA_MM * s * s * (foot / AT_MM) ** 2
         w = 1.0 / sigma[j]
         row[0] = w / along
         row[1] = row[0] * (x - centre[0])
-        row[2] = row[0] * (s * foot + lean_y * x + fan.apex_mm[1] - centre[1])
+        row[2] = row[0] * (s * foot + fan.lean[0] * x + fan.apex_mm[1] - centre[1])
         row[TAKEN_OUT], row[LATERAL], row[DEPTHS] = (
             w * value[k], w * lateral, w * (depth[j] - foot),
         )  # fmt: skip

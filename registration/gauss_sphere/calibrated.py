@@ -14,7 +14,7 @@ import numpy as np
 
 from registration.calibration import Calibration, Table, read_calibration
 from registration.kernels import compiled
-from registration.scan import FloatArray
+from registration.scan import FloatArray, IntArray
 
 DEPTH_NODES, NODES = 65, 513  # much finer than any calibration's own
 
@@ -39,7 +39,8 @@ class Known(NamedTuple):
     """A calibration: the bias of the depth, and its standard deviation, both in mm.
 
     given: False where there is none. lateral: whether the bias goes with the slope of the beam,
-        else with the tangent of the incidence, as the standard deviation always does.
+        else with the tangent of the incidence, as the standard deviation always does. Then both
+        have the same nodes.
     known_to_mm: how well the bias is known: planes are trusted no better.
     """
 
@@ -52,14 +53,22 @@ class Known(NamedTuple):
 
 def known_of(calibration: Calibration) -> Known:
     """The tables of a calibration."""
-    bias, sigma = _even(calibration.bias), _even(calibration.sigma)
-    lateral = calibration.form == "lateral"
-    return Known(True, lateral, bias, sigma, calibration.known_to_mm)
+    bias, sigma = calibration.bias, calibration.sigma
+    if calibration.form == "lateral":
+        return Known(True, True, _even(bias, bias), _even(sigma, sigma), calibration.known_to_mm)
+    tables = _even(bias, bias, sigma), _even(sigma, bias, sigma)
+    return Known(True, False, *tables, calibration.known_to_mm)
 
 
-def _even(table: Table) -> EvenTable:
-    depth_mm = np.linspace(table.depth_mm[0], table.depth_mm[-1], DEPTH_NODES)
-    at = np.linspace(table.at[0], table.at[-1], NODES)
+def _even(table: Table, *reaching: Table) -> EvenTable:
+    """A table on even nodes that reach as far as the given ones."""
+    depth_mm, at = (
+        np.linspace(min(nodes[0] for nodes in of), max(nodes[-1] for nodes in of), n)
+        for of, n in (
+            ([each.depth_mm for each in reaching], DEPTH_NODES),
+            ([each.at for each in reaching], NODES),
+        )
+    )
     return EvenTable(
         np.array([depth_mm[0], at[0]]),
         np.array([1.0 / (depth_mm[1] - depth_mm[0]), 1.0 / (at[1] - at[0])]),
@@ -82,6 +91,23 @@ def read_known(path: str) -> Known:
     Raises CalibrationError or OSError.
     """
     return _read(path, os.stat(path).st_mtime_ns) if path else NOTHING_KNOWN
+
+
+@compiled
+def take_bias_and_noise(
+    beams: FloatArray, plane: FloatArray, apex_z_mm: float, known: Known
+) -> None:
+    """As take_bias and take_noise, which mostly look at the same places of their tables."""
+    if known.lateral:
+        take_bias(beams, plane, apex_z_mm, known)
+        take_noise(beams, plane, apex_z_mm, known)
+        return
+    value = np.empty(beams.shape[1])
+    there = _places(known.bias, beams[MEASURED], apex_z_mm, _tangents(beams[SLOPE], plane))
+    _read_at(known.bias, there, value)
+    _read_at(known.sigma, there, beams[SIGMA])
+    for j in range(value.size):
+        beams[DEPTH, j] = beams[MEASURED, j] - value[j]
 
 
 @compiled
@@ -129,17 +155,29 @@ def tangent_of(slope: float, plane: FloatArray) -> float:
     return float(size / (along if along > 1e-3 else 1e-3))
 
 
+class _Places(NamedTuple):
+    """Where points (n,) fall among the nodes of a table: the node before, and how far beyond."""
+
+    node: IntArray
+    past_x: FloatArray
+    past_y: FloatArray
+
+
 @compiled
 def look_up(
     table: EvenTable, depth: FloatArray, apex_z: float, at: FloatArray, value: FloatArray
 ) -> None:
     """The table at all points, (n,) out: bilinear between the nodes, constant beyond them."""
-    # First where, then what: the first loop runs on vectors of points.
+    _read_at(table, _places(table, depth, apex_z, at), value)
+
+
+@compiled
+def _places(table: EvenTable, depth: FloatArray, apex_z: float, at: FloatArray) -> _Places:
+    # Apart from the values, because this runs on vectors of points.
     nodes = table.value_mm.shape[1]
-    flat = table.value_mm.reshape(-1)
     low, high_x, high_y = apex_z - table.first[0], table.value_mm.shape[0] - 1.0, nodes - 1.0
     n, scale_x, scale_y, first = depth.size, table.per_unit[0], table.per_unit[1], table.first[1]
-    xs, ys, place = np.empty(n), np.empty(n), np.empty(n, np.int64)
+    xs, ys, node = np.empty(n), np.empty(n), np.empty(n, np.int64)
     for j in range(n):
         x, y = (depth[j] + low) * scale_x, (at[j] - first) * scale_y
         x = x if x > 0.0 else 0.0
@@ -149,9 +187,16 @@ def look_up(
         i, k = np.int64(x), np.int64(y)
         i = i if x < high_x else i - 1
         k = k if y < high_y else k - 1
-        xs[j], ys[j], place[j] = x - i, y - k, i * nodes + k
-    for j in range(n):
-        x, y, i = xs[j], ys[j], place[j]
+        xs[j], ys[j], node[j] = x - i, y - k, i * nodes + k
+    return _Places(node, xs, ys)
+
+
+@compiled
+def _read_at(table: EvenTable, there: _Places, value: FloatArray) -> None:
+    nodes, flat = table.value_mm.shape[1], table.value_mm.reshape(-1)
+    node, xs, ys = there.node, there.past_x, there.past_y
+    for j in range(value.size):
+        x, y, i = xs[j], ys[j], node[j]
         near = flat[i] + y * (flat[i + 1] - flat[i])
         far = flat[i + nodes] + y * (flat[i + nodes + 1] - flat[i + nodes])
         value[j] = near + x * (far - near)

@@ -97,7 +97,7 @@ def is_weak(best: Settled, target: View, source: View, params: DecisionParams) -
 
 
 def _seen_mm2(target: View, source: View) -> float:
-    return float(0.5 * (target.sample_area.sum() + source.sample_area.sum()))
+    return float(0.5 * (target.seen.sample_area.sum() + source.seen.sample_area.sum()))
 
 
 def refuted(ranked: list[Settled], target: View, source: View, share: float) -> RegistrationResult:

@@ -6,27 +6,19 @@ import numpy as np
 
 from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.params import PatchParams
-from registration.gauss_sphere.patches import Patches, fit_patches
+from registration.gauss_sphere.points import Grouped, grouped
 from registration.gauss_sphere.segments import Segments
 from registration.kernels import compiled
-from registration.scan import FloatArray, IndexArray, IntArray
+from registration.scan import FloatArray, IntArray
 
 
-def find_patches(fan: Fan, segments: Segments, params: PatchParams) -> Patches:
-    """Grow segments into planes over the profiles and fit each to all its points."""
-    label, n_patches = labels(fan, segments, params)
-    return fit_patches(fan, label, n_patches, params)
+def grown(fan: Fan, segments: Segments, params: PatchParams, every: int = 1) -> Grouped:
+    """The points of the patches that segments of every so many profiles grow into."""
+    owner, n_patches = grow(fan, segments, params, every)
+    return grouped(segments, owner, n_patches, fan.depth_mm, params.edge_pixels, every)
 
 
-def labels(fan: Fan, segments: Segments, params: PatchParams) -> tuple[IndexArray, int]:
-    """(profiles, pixels) patch of each point, -1 for none, and the number of patches."""
-    owner, n_patches = grow(fan, segments, params)
-    label = np.full(fan.depth_mm.shape, -1, dtype=np.int32)
-    _paint_segments(segments, owner, fan.depth_mm, params.edge_pixels, label)
-    return label, n_patches
-
-
-def grow(fan: Fan, segments: Segments, params: PatchParams) -> tuple[IntArray, int]:
+def grow(fan: Fan, segments: Segments, params: PatchParams, every: int) -> tuple[IntArray, int]:
     """(n,) the patch of each segment, -1 where it is too small to keep, and their number."""
     owner = np.empty(segments.profile.size, dtype=np.int64)
     _grow(
@@ -36,6 +28,7 @@ def grow(fan: Fan, segments: Segments, params: PatchParams) -> tuple[IntArray, i
         params.tolerance_sigma,
         params.max_tilt,
         params.bridge_profiles,
+        every,
         owner,
     )
     return owner, _keep_large(segments, owner, params.min_points, params.min_profiles)
@@ -92,6 +85,7 @@ def _grow(
     tolerance: float,
     max_tilt: float,
     bridge: int,
+    every: int,
     owner: IntArray,
 ) -> None:
     profile, low, high = segments.profile, segments.slope_low, segments.slope_high
@@ -111,8 +105,8 @@ def _grow(
     for i in range(n):
         p = profile[i]
         joined = False
-        for back in range(1, bridge + 1):
-            if p - back < 0 or (joined and back > 1):
+        for back in range(every, every * bridge + 1, every):
+            if p - back < 0 or (joined and back > every):
                 break
             for j in range(first_of[p - back], first_of[p - back + 1]):
                 shared = min(high[i], high[j]) - max(low[i], low[j])
@@ -160,15 +154,3 @@ def _keep_large(segments: Segments, owner: IntArray, min_points: int, min_profil
     for i in range(n):
         owner[i] = number[owner[i]]
     return kept
-
-
-@compiled
-def _paint_segments(
-    segments: Segments, owner: IntArray, depth: FloatArray, edge: int, label: IndexArray
-) -> None:
-    profile, first, last = segments.profile, segments.first, segments.last
-    for i in range(profile.size):
-        if owner[i] >= 0:
-            for u in range(first[i] + edge, last[i] + 1 - edge):
-                if np.isfinite(depth[profile[i], u]):
-                    label[profile[i], u] = owner[i]

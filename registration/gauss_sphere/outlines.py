@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from registration.gauss_sphere.beams import Fan
+from registration.gauss_sphere.beams import Fan, profile_step_mm
 from registration.gauss_sphere.params import OutlineParams
-from registration.gauss_sphere.patches import Patches
+from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.gauss_sphere.verification import View
 from registration.kernels import compiled
-from registration.scan import FloatArray, IntArray
+from registration.scan import FloatArray, IndexArray, IntArray
 
 SIDES = 4  # higher and lower pixels, later and earlier profiles
 GRAZING = 0.05  # a beam that meets a plane at less (cosine, times its slant) says too little
@@ -98,25 +98,29 @@ def moved_outlines(outlines: Outlines, r: FloatArray, t: FloatArray) -> Outlines
 
 
 @compiled
-def _depth_on(fan: Fan, patches: Patches, i: int, x: float, slope: float) -> float:
-    """Where a beam meets plane i, as a depth; NaN where it grazes it or comes from behind."""
-    n = patches.normal[i]
-    along = n[1] * slope + n[2]
-    if along > -GRAZING:
-        return np.nan
-    y, z = fan.apex_mm[1] + fan.lean[0] * x, fan.apex_mm[2] + fan.lean[1] * x
-    return float((patches.offset_mm[i] - n[0] * x - n[1] * y - n[2] * z) / along)
+def _depth_on(plane: FloatArray, x: float, slope: float) -> float:
+    """Depth at which a beam meets a plane; NaN where it grazes it or comes from behind."""
+    along = plane[1] * slope + plane[2]
+    return float((plane[3] - plane[0] * x) / along) if along <= -GRAZING else np.nan
 
 
 @compiled
 def _ends(
-    fan: Fan, patches: Patches, p: int, u: int, dp: int, du: int, behind: float, most_missing: int
+    fan: Fan,
+    label: IndexArray,
+    plane: FloatArray,
+    p: int,
+    u: int,
+    dp: int,
+    du: int,
+    behind: float,
+    most_missing: int,
 ) -> tuple[int, int, float]:
     """The last point of a face from point (p, u) on, and how many cells on it ends (-1: unknown).
 
     The next points may lie on the plane without its label, or between it and what is behind.
     """
-    depth, label, i = fan.depth_mm, patches.label, patches.label[p, u]
+    depth, i = fan.depth_mm, label[p, u]
     rows, columns = label.shape
     missing, mixed = 0, 0
     last_p, last_u, a, b = p, u, p + dp, u + du
@@ -128,7 +132,7 @@ def _ends(
             if missing > most_missing:
                 break
         else:
-            off = depth[a, b] - _depth_on(fan, patches, i, fan.x_mm[a], fan.slope[a, b])
+            off = depth[a, b] - _depth_on(plane, fan.x_mm[a], fan.slope[a, b])
             close = 3.0 * fan.sigma_mm[a, b] + 0.5
             if off > behind:
                 return last_p, last_u, 0.5 * (1.0 + (mixed if missing == 0 else 0))
@@ -155,8 +159,8 @@ def _found_ends(
     """
     label = patches.label
     rows, columns = label.shape
-    step = (fan.x_mm[rows - 1] - fan.x_mm[0]) / max(rows - 1, 1)
-    seen = np.flatnonzero(np.isfinite(fan.column_slope))
+    step = profile_step_mm(fan)
+    planes, seen = planes_in_beams(fan, patches), np.flatnonzero(np.isfinite(fan.column_slope))
     first, last = seen[0], seen[-1]
     pitch = (fan.column_slope[last] - fan.column_slope[first]) / max(last - first, 1)
     n, room = 0, 1024
@@ -170,15 +174,16 @@ def _found_ends(
                 i = label[p, u]
                 if i < 0 or label[p + dp, u + du] == i:
                     continue
-                a, b, cells = _ends(fan, patches, p, u, dp, du, behind, most_missing)
+                plane = planes[i]
+                a, b, cells = _ends(fan, label, plane, p, u, dp, du, behind, most_missing)
                 if cells < 0.0:
                     continue
                 if n == room:
                     point, beyond = _roomier(point), _roomier(beyond)
                     line, row, room = np.append(line, line), np.append(row, row), 2 * room
-                _foot(fan, patches, i, fan.x_mm[a], fan.slope[a, b], point[n])
+                _foot(fan, plane, fan.x_mm[a], fan.slope[a, b], point[n])
                 x, slope = fan.x_mm[a] + dp * step * cells, fan.slope[a, b] + du * pitch * cells
-                _foot(fan, patches, i, x, slope, beyond[n])
+                _foot(fan, plane, x, slope, beyond[n])
                 if not np.isfinite(point[n, 2] + beyond[n, 2]):
                     continue
                 for v in range(3):
@@ -209,9 +214,9 @@ def _roomier(of: FloatArray) -> FloatArray:
 
 
 @compiled
-def _foot(fan: Fan, patches: Patches, i: int, x: float, slope: float, point: FloatArray) -> None:
-    """Where a beam meets plane i; NaN where it grazes it or comes from behind."""
-    depth = _depth_on(fan, patches, i, x, slope)
+def _foot(fan: Fan, plane: FloatArray, x: float, slope: float, point: FloatArray) -> None:
+    """Where a beam meets a plane; NaN where it grazes it or comes from behind."""
+    depth = _depth_on(plane, x, slope)
     point[0] = x
     point[1] = fan.apex_mm[1] + fan.lean[0] * x + slope * depth
     point[2] = fan.apex_mm[2] + fan.lean[1] * x + depth

@@ -10,7 +10,7 @@ from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.calibrated import DEPTH, NOTHING_KNOWN, Known
 from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.plane_fit import about_centroid, fit_plane
-from registration.gauss_sphere.points import beams_of, labelled
+from registration.gauss_sphere.points import Grouped, beams_of
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
@@ -42,13 +42,12 @@ class Patches(NamedTuple):
 
 def fit_patches(
     fan: Fan,
-    label: IndexArray,
-    n_patches: int,
+    points: Grouped,
     params: PatchParams,
     known: Known = NOTHING_KNOWN,
     measured_mm: FloatArray | None = None,
 ) -> Patches:
-    """Fit a plane to the points of each label by maximum likelihood for noise along the beams.
+    """Fit a plane to the points of each patch by maximum likelihood for noise along the beams.
 
     Plain least squares of the distances is biased for planes seen at a slant, because the noise has
     a component along them; here the derivatives are taken at the foot of each point along its beam.
@@ -60,8 +59,7 @@ def fit_patches(
     return _fit_planes(
         fan,
         fan.depth_mm if measured_mm is None else measured_mm,
-        label,
-        n_patches,
+        points,
         known,
         params.gate_sigma,
         max(params.fit_rounds, 1),
@@ -73,15 +71,14 @@ def fit_patches(
 def _fit_planes(
     fan: Fan,
     measured: FloatArray,
-    label: IndexArray,
-    n_patches: int,
+    points: Grouped,
     known: Known,
     gate: float,
     rounds: int,
     min_points: int,
 ) -> Patches:
-    """Points farther off than gate standard deviations lose their label."""
-    points = labelled(label, n_patches)
+    """Points farther off than gate standard deviations get no label."""
+    n_patches = points.start.size - 1
     start, place, depth = points.start, points.place, fan.depth_mm.reshape(-1)
     area_per_beam = _beam_area(fan)
     kept = np.zeros(place.size, np.bool_)
@@ -116,13 +113,14 @@ def _fit_planes(
     order = np.argsort(-area, kind="mergesort")[: np.count_nonzero(area > 0.0)]
     renumber = np.full(n_patches, -1)
     renumber[order] = np.arange(order.size)
-    new_label = np.full(label.size, -1, np.int32)
+    label = np.full(fan.depth_mm.shape, -1, np.int32)
+    of_point = label.reshape(-1)
     for i in range(n_patches):
         if renumber[i] < 0:
             continue
         for j in range(start[i], start[i + 1]):
             if kept[j]:
-                new_label[place[j]] = renumber[i]
+                of_point[place[j]] = renumber[i]
     counted = moments[order]
     return Patches(
         planes[order, :3].copy(),
@@ -134,7 +132,7 @@ def _fit_planes(
         counted[:, 0].astype(np.int64),
         area[order],
         counted[:, 6] / counted[:, 0],
-        new_label.reshape(label.shape),
+        label,
     )
 
 
@@ -147,6 +145,21 @@ def _beam_area(fan: Fan) -> float:
     rows, columns = fan.depth_mm.shape
     beams = max((rows - 1) * (columns - 1), 1)
     return float(abs((high - low) * (fan.x_mm[-1] - fan.x_mm[0])) / beams)
+
+
+@compiled
+def planes_in_beams(fan: Fan, patches: Patches) -> FloatArray:
+    """(m, 4) travel, y, z and offset of each plane as beams meet it.
+
+    At position x a beam meets it (offset - travel x) / (y slope + z) deep from their apex.
+    """
+    planes = np.empty((patches.offset_mm.size, 4))
+    for i in range(planes.shape[0]):
+        n0, n1, n2 = patches.normal[i, 0], patches.normal[i, 1], patches.normal[i, 2]
+        planes[i, 0] = n0 + n1 * fan.lean[0] + n2 * fan.lean[1]
+        planes[i, 1], planes[i, 2] = n1, n2
+        planes[i, 3] = patches.offset_mm[i] - n1 * fan.apex_mm[1] - n2 * fan.apex_mm[2]
+    return planes
 
 
 @compiled

@@ -8,12 +8,12 @@ from time import perf_counter
 import numpy as np
 
 from registration.gauss_sphere.appeal import appealed
-from registration.gauss_sphere.beams import Fan, fan_of
+from registration.gauss_sphere.beams import Fan, fan_of, profile_step_mm
 from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import is_weak, judge, refuted, sliding, transforms
 from registration.gauss_sphere.evidence import PlaneEvidence
-from registration.gauss_sphere.growing import labels
+from registration.gauss_sphere.growing import grown
 from registration.gauss_sphere.matching import settle_best
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, fit_patches
@@ -62,12 +62,20 @@ def describe(scan: Scan, params: GaussSphereParams) -> View:
 
 def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan, Patches]:
     """The planes of a scan, with what is known of the sensor taken into account."""
-    found = labels(measured, find_segments(measured, params.segments), params.patches)
-    if not known.given:
-        return measured, fit_patches(measured, *found, params.patches)
-    fan = straightened(measured, *found, known, params.patches.bias_rounds)
-    found = labels(fan, find_segments(fan, params.segments), params.patches)
-    return fan, fit_patches(fan, *found, params.patches, known, measured.depth_mm)
+    how = params.patches
+    fan = measured
+    if known.given:
+        every = _looked_at(measured, how.bias_step_mm)
+        pieces = grown(measured, find_segments(measured, params.segments, every), how, every)
+        fan = straightened(measured, pieces, known, how.bias_rounds)
+    points = grown(fan, find_segments(fan, params.segments), how)
+    return fan, fit_patches(fan, points, how, known, measured.depth_mm)
+
+
+def _looked_at(fan: Fan, step_mm: float) -> int:
+    """Of how many profiles one is, where those that are looked at lie step_mm apart or more."""
+    apart_mm = max(1e-9, abs(profile_step_mm(fan)))
+    return max(1, int(min(fan.x_mm.size, step_mm / apart_mm)))
 
 
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:

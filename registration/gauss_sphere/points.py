@@ -1,4 +1,4 @@
-"""The points of a scan gathered by label, so that each plane's lie side by side in memory."""
+"""The points of a scan gathered by patch, so that each plane's lie side by side in memory."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ import numpy as np
 
 from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.calibrated import DEPTH, MEASURED, SIGMA, SLOPE, X
+from registration.gauss_sphere.segments import Segments
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
 
-class Labelled(NamedTuple):
-    """Where the labelled points (n,) of a scan are, label by label.
+class Grouped(NamedTuple):
+    """Where the points (n,) of the patches of a scan are, patch by patch.
 
-    start: (labels + 1,) the first point of each label.  profile: (n,) of each point; place: (n,)
-    its index in the scan, profile by profile.
+    start: (patches + 1,) the first point of each patch, and where the last one ends.  profile: (n,)
+    of each point; place: (n,) its index in the scan, profile by profile.
     """
 
     start: IntArray
@@ -25,29 +26,47 @@ class Labelled(NamedTuple):
 
 
 @compiled
-def labelled(label: IndexArray, n_labels: int) -> Labelled:
-    """Gather the points of each label of a scan (profiles, pixels)."""
-    start = np.zeros(n_labels + 1, np.int64)
-    of_point, n_pixels = label.reshape(-1), label.shape[1]
-    for own in of_point:
-        if own >= 0:
-            start[own + 1] += 1
-    for i in range(n_labels):
+def grouped(
+    segments: Segments,
+    owner: IntArray,
+    n_patches: int,
+    depth_mm: FloatArray,
+    edge_pixels: int,
+    every: int,
+) -> Grouped:
+    """Gather the measured points of each patch from its segments.
+
+    owner: (n,) the patch of each segment, -1 for none.  edge_pixels: points at both ends of a
+    segment that are left out.  every: a segment stands for so many profiles, its own and those that
+    follow.
+    """
+    first, last, rows = segments.first + edge_pixels, segments.last - edge_pixels, len(depth_mm)
+    start = np.zeros(n_patches + 1, np.int64)
+    for i in range(owner.size):
+        if owner[i] >= 0:
+            for p in range(segments.profile[i], min(segments.profile[i] + every, rows)):
+                for u in range(first[i], last[i] + 1):
+                    start[owner[i] + 1] += np.isfinite(depth_mm[p, u])
+    for i in range(n_patches):
         start[i + 1] += start[i]
     filled = start[:-1].copy()
     profile, place = np.empty(start[-1], np.int32), np.empty(start[-1], np.int32)
-    for p in range(label.shape[0]):
-        for j in range(p * n_pixels, (p + 1) * n_pixels):
-            own = of_point[j]
-            if own >= 0:
-                profile[filled[own]], place[filled[own]] = p, j
-                filled[own] += 1
-    return Labelled(start, profile, place)
+    for i in range(owner.size):
+        if owner[i] < 0:
+            continue
+        n = filled[owner[i]]
+        for p in range(segments.profile[i], min(segments.profile[i] + every, rows)):
+            for u in range(first[i], last[i] + 1):
+                if np.isfinite(depth_mm[p, u]):
+                    profile[n], place[n] = p, p * depth_mm.shape[1] + u
+                    n += 1
+        filled[owner[i]] = n
+    return Grouped(start, profile, place)
 
 
 @compiled
-def beams_of(fan: Fan, measured: FloatArray, points: Labelled, i: int) -> FloatArray:
-    """(5, n) position, slope, depth, standard deviation and measured depth of a label's points."""
+def beams_of(fan: Fan, measured: FloatArray, points: Grouped, i: int) -> FloatArray:
+    """(5, n) position, slope, depth, standard deviation and measured depth of a patch's points."""
     first, beams = points.start[i], np.empty((5, points.start[i + 1] - points.start[i]))
     slope, depth, sigma = fan.slope.reshape(-1), fan.depth_mm.reshape(-1), fan.sigma_mm.reshape(-1)
     all_measured = measured.reshape(-1)

@@ -158,8 +158,8 @@ def _settle_more(
     for c in range(new.size):
         if ranked < effort.ranked and not _known(effort, found, n, rotations[c], shifts[c]):
             compare_both(
-                target, source, how, rotations[c], shifts[c], effort.rough_tolerance_mm,
-                effort.rough_stride, counts, areas,
+                target.seen, source.seen, how, rotations[c], shifts[c],
+                effort.rough_tolerance_mm, effort.rough_stride, counts, areas,
             )  # fmt: skip
             new[ranked], score[ranked] = c, score_of(how, areas)
             ranked += 1
@@ -200,8 +200,8 @@ def _settle(
     r, t, pairs, areas = found.rotation[c], found.shift_mm[c], found.pairs[c], found.areas[c]
     for stage in range(effort.tolerances_mm.size):
         compare_both(
-            target, source, how, r, t, effort.tolerances_mm[stage], effort.strides[stage], counts,
-            areas,
+            target.seen, source.seen, how, r, t, effort.tolerances_mm[stage],
+            effort.strides[stage], counts, areas,
         )  # fmt: skip
         n = 0
         for i in range(counts.shape[0]):
@@ -248,5 +248,6 @@ def _finish(
         target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.sure[c], 0.0
     )  # fmt: skip
     take_chance(target.patches, source.patches, pairs, likely, wide_mm, r, t, found.sure[c])
-    compare_both(target, source, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
+    seen = target.seen, source.seen
+    compare_both(*seen, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
     found.score[c] = score_of(how, areas)

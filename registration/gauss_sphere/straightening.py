@@ -14,50 +14,48 @@ from registration.gauss_sphere.calibrated import (
     SIGMA,
     Known,
     take_bias,
+    take_bias_and_noise,
     take_lateral_bias,
-    take_noise,
 )
 from registration.gauss_sphere.plane_fit import first_plane, sample_of
-from registration.gauss_sphere.points import beams_of, labelled
+from registration.gauss_sphere.points import Grouped, beams_of
 from registration.kernels import compiled
-from registration.scan import FloatArray, IndexArray
+from registration.scan import FloatArray
 
 SCALE_SAMPLE = 500  # points that tell the noise of a scan from that of the calibration
 
 
-def straightened(fan: Fan, label: IndexArray, n_patches: int, known: Known, turns: int) -> Fan:
+def straightened(fan: Fan, points: Grouped, known: Known, turns: int) -> Fan:
     """A fan without the bias, and with the noise that goes with the inclination.
 
-    Both hold for the points with a label, by a rough plane of each label; a lateral bias goes from
-    all points. The calibration knows the noise of its target's material: it is scaled to what the
-    scan shows. Points without a label keep the noise that the scan shows at their depth.
+    Both hold for the points of patches, by a rough plane of each; a lateral bias goes from all
+    points. The calibration knows the noise of its target's material: it is scaled to what the
+    scan shows. Points of no patch keep the noise that the scan shows at their depth.
     """
     depth_mm, sigma_mm = fan.depth_mm.copy(), fan.sigma_mm.copy()
     if known.lateral:
         take_lateral_bias(depth_mm.reshape(-1), fan.slope.reshape(-1), fan.apex_mm[2], known)
-    _straighten(fan, label, n_patches, known, turns, depth_mm, sigma_mm)
+    _straighten(fan, points, known, turns, depth_mm, sigma_mm)
     return fan._replace(depth_mm=depth_mm, sigma_mm=sigma_mm)
 
 
 @compiled
 def _straighten(
     fan: Fan,
-    label: IndexArray,
-    n_patches: int,
+    points: Grouped,
     known: Known,
     turns: int,
     depth: FloatArray,
     sigma: FloatArray,
 ) -> None:
-    points, plane = labelled(label, n_patches), np.zeros(4)
-    all_depth, all_sigma, place = depth.reshape(-1), sigma.reshape(-1), points.place
-    for i in range(n_patches):
+    plane, place = np.zeros(4), points.place
+    all_depth, all_sigma = depth.reshape(-1), sigma.reshape(-1)
+    for i in range(points.start.size - 1):
         beams, first = beams_of(fan, fan.depth_mm, points, i), points.start[i]
         if beams.shape[1] < 4:
             continue
         _settled_plane(sample_of(beams), fan.lean, fan.apex_mm[2], known, turns, plane)
-        take_bias(beams, plane, fan.apex_mm[2], known)
-        take_noise(beams, plane, fan.apex_mm[2], known)
+        take_bias_and_noise(beams, plane, fan.apex_mm[2], known)
         for j in range(beams.shape[1]):
             all_depth[place[first + j]] = beams[DEPTH, j]
             all_sigma[place[first + j]] = beams[SIGMA, j]

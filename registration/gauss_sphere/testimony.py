@@ -6,9 +6,9 @@ import numpy as np
 
 from registration.gauss_sphere.outlines import Ends, as_ends, ends_of, outlines_of
 from registration.gauss_sphere.params import OutlineParams
-from registration.gauss_sphere.verification import View
+from registration.gauss_sphere.verification import PATCH, SEEN, Seen, View, beams_at
 from registration.kernels import compiled
-from registration.scan import FloatArray
+from registration.scan import FloatArray, IntArray
 
 ON, FREE, UNKNOWN = range(3)
 LIKE = 0.96  # cosine between normals of one face
@@ -75,8 +75,8 @@ def _said(
             back_across[u] += back_r[u, v] * across[v]
     # Where a face ends is known to half a cell, and so is where the other view looked.
     off = max(off_mm, 0.5 * (_cell_mm(target) + _cell_mm(source)))
-    one = _told(target, of_source, r, t, across, off, on_mm, behind_mm)
-    other = _told(source, of_target, back_r, back_t, back_across, off, on_mm, behind_mm)
+    one = _told(target.seen, of_source, r, t, across, off, on_mm, behind_mm)
+    other = _told(source.seen, of_target, back_r, back_t, back_across, off, on_mm, behind_mm)
     return one[0] + other[0], one[1] + other[1]
 
 
@@ -100,44 +100,17 @@ def _said_of_some(
 @compiled
 def _cell_mm(view: View) -> float:
     """How far apart neighbouring points of a view are: profiles, or pixels where it sees planes."""
-    fan = view.fan
-    rows, seen = fan.x_mm.size, np.flatnonzero(np.isfinite(fan.column_slope))
-    if seen.size == 0 or view.sample_area.size == 0:
+    slope, seen = view.fan.column_slope, np.flatnonzero(np.isfinite(view.fan.column_slope))
+    if seen.size == 0 or view.seen.sample_area.size == 0:
         return 0.0
-    step = abs(fan.x_mm[rows - 1] - fan.x_mm[0]) / max(rows - 1, 1)
-    slopes = fan.column_slope[seen[-1]] - fan.column_slope[seen[0]]
-    pitch = abs(slopes) / max(seen[-1] - seen[0], 1)
-    return float(max(step, pitch * (view.sample_mm[:, 2].mean() - fan.apex_mm[2])))
-
-
-@compiled
-def _what_is_at(
-    view: View, x: float, y: float, z: float, normal: FloatArray, on_mm: float, behind: float
-) -> int:
-    """What the view sees at a point: a face of that normal, free space, or neither."""
-    fan, patches = view.fan, view.patches
-    rows = fan.x_mm.size
-    step = (fan.x_mm[rows - 1] - fan.x_mm[0]) / max(rows - 1, 1)
-    depth = z - fan.lean[1] * x - fan.apex_mm[2]
-    row = np.floor((x - fan.x_mm[0]) / step + 0.5)
-    cell = ((y - fan.lean[0] * x - fan.apex_mm[1]) / depth - view.slope_low) * view.cells_per_slope
-    if not (0.0 <= row < rows and 0.0 <= cell < view.pixel_of.size and depth > 1.0):
-        return UNKNOWN
-    p, u = np.int64(row), view.pixel_of[np.int64(cell)]
-    if u < 0:
-        return UNKNOWN
-    i = patches.label[p, u]
-    if i >= 0:
-        n = patches.normal[i]
-        away = n[0] * x + n[1] * y + n[2] * z - patches.offset_mm[i]
-        if abs(away) < on_mm and n[0] * normal[0] + n[1] * normal[1] + n[2] * normal[2] > LIKE:
-            return ON
-    return FREE if fan.depth_mm[p, u] > depth + behind else UNKNOWN
+    pitch = abs(slope[seen[-1]] - slope[seen[0]]) / max(seen[-1] - seen[0], 1)
+    depth = view.seen.sample_mm[:, 2].mean() - view.seen.apex_z_mm
+    return float(max(abs(view.seen.step_mm), pitch * depth))
 
 
 @compiled
 def _told(
-    view: View,
+    seen: Seen,
     ends: Ends,
     r: FloatArray,
     t: FloatArray,
@@ -152,25 +125,49 @@ def _told(
     it sees the face on both sides, or nothing where the face should be.
     across: (3,) only those count that lead out of the face along it; 0 for all.
     """
-    confirmed, denied = 0, 0
     any_way = across[0] == 0.0 and across[1] == 0.0 and across[2] == 0.0
-    point, out, normal = np.empty(3), np.empty(3), np.empty(3)
+    inside, outside = np.empty((2, 4, ends.point_mm.shape[0]))
+    normal, n = np.empty((ends.point_mm.shape[0], 3)), 0
     for j in range(ends.point_mm.shape[0]):
+        share = 0.0
         for u in range(3):
-            point[u], out[u], normal[u] = t[u], 0.0, 0.0
+            point, out, normal[n, u] = t[u], 0.0, 0.0
             for v in range(3):
-                point[u] += r[u, v] * ends.point_mm[j, v]
-                out[u] += r[u, v] * ends.outward[j, v]
-                normal[u] += r[u, v] * ends.normal[j, v]
-        share = abs(out[0] * across[0] + out[1] * across[1] + out[2] * across[2])
-        if not any_way and share < LEAST_SHARE:
-            continue
-        x, y, z = point[0] - off * out[0], point[1] - off * out[1], point[2] - off * out[2]
-        inside = _what_is_at(view, x, y, z, normal, on_mm, behind)
-        if inside == UNKNOWN:
-            continue
-        x, y, z = point[0] + off * out[0], point[1] + off * out[1], point[2] + off * out[2]
-        outside = _what_is_at(view, x, y, z, normal, on_mm, behind)
-        confirmed += inside == ON and outside == FREE
-        denied += inside == FREE or outside == ON
+                point += r[u, v] * ends.point_mm[j, v]
+                out += r[u, v] * ends.outward[j, v]
+                normal[n, u] += r[u, v] * ends.normal[j, v]
+            inside[u, n], outside[u, n] = point - off * out, point + off * out
+            share += out * across[u]
+        n += any_way or abs(share) >= LEAST_SHARE
+    on_face = _what_is_at(seen, inside, normal, n, on_mm, behind)
+    beyond = _what_is_at(seen, outside, normal, n, on_mm, behind)
+    confirmed, denied = 0, 0
+    for j in range(n):
+        confirmed += on_face[j] == ON and beyond[j] == FREE
+        denied += on_face[j] == FREE or (on_face[j] == ON and beyond[j] == ON)
     return confirmed, denied
+
+
+@compiled
+def _what_is_at(
+    seen: Seen, points: FloatArray, normal: FloatArray, n: int, on_mm: float, behind: float
+) -> IntArray:
+    """What a view sees at the first n points: a face of that normal, free space, or neither.
+
+    points: (4, n or more) x, y and z, and room for the depth; normal: (n or more, 3).
+    """
+    beam, word = np.empty(n, np.int64), np.full(n, UNKNOWN)
+    beams_at(seen, points, beam)
+    for j in range(n):
+        if beam[j] < 0:
+            continue
+        i = int(seen.image[beam[j], PATCH])
+        if i >= 0:
+            n0, n1, n2 = seen.normal[i, 0], seen.normal[i, 1], seen.normal[i, 2]
+            like = n0 * normal[j, 0] + n1 * normal[j, 1] + n2 * normal[j, 2] > LIKE
+            away = n0 * points[0, j] + n1 * points[1, j] + n2 * points[2, j] - seen.offset_mm[i]
+            if like and abs(away) < on_mm:
+                word[j] = ON
+        if word[j] == UNKNOWN and seen.image[beam[j], SEEN] > points[3, j] + behind:
+            word[j] = FREE
+    return word

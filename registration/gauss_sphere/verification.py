@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from registration.gauss_sphere.beams import Fan
+from registration.gauss_sphere.beams import Fan, profile_step_mm
 from registration.gauss_sphere.params import VerificationParams
-from registration.gauss_sphere.patches import Patches
+from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
@@ -27,26 +27,47 @@ GOLDEN_RATIO = 0.6180339887498949
 CELLS_PER_PIXEL = 8
 
 
-class View(NamedTuple):
-    """A scan ready to be compared: its image of patches and a sample of its points.
+class Seen(NamedTuple):
+    """What a view saw, as comparisons look it up, and what they look up in the other.
+
+    Apart from the view, because a call costs as much as the arrays that it hands over.
 
     image: (profiles * pixels, 3) depth in mm, least of the nine depths there, -inf where one is
         missing, and patch, -1 for none. Side by side and in single precision, because every
         comparison looks them up all over the view.
+    profiles, pixels: how many; first_mm, step_mm: where profiles lie along X.
+    apex_y_mm, apex_z_mm, lean_y, lean_z: see Fan.
     pixel_of: (cells,) pixel of each cell of slope; slope_low, cells_per_slope: where they lie.
+    normal: (m, 3), offset_mm: (m,) of the patches.
     sample_mm: (n, 3) points on the patches, in random order; sample_patch: (n,) theirs;
     sample_area: (n,) mm^2 that each stands for.
     """
 
-    fan: Fan
-    patches: Patches
     image: NDArray[np.float32]
+    profiles: int
+    pixels: int
+    first_mm: float
+    step_mm: float
+    apex_y_mm: float
+    apex_z_mm: float
+    lean_y: float
+    lean_z: float
     pixel_of: IntArray
     slope_low: float
     cells_per_slope: float
+    normal: FloatArray
+    offset_mm: FloatArray
     sample_mm: FloatArray
     sample_patch: IntArray
     sample_area: FloatArray
+
+
+class View(NamedTuple):
+    """A scan ready to be compared."""
+
+    fan: Fan
+    patches: Patches
+    seen: Seen
 
 
 class Comparison(NamedTuple):
@@ -83,23 +104,49 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray) -> View:
     label, n, n_all = patches.label, place.size, patches.n_points.sum()
     points, patch, area = np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
     sampled = np.zeros(patches.n_points.size)
-    seen, j, due = 0, 0, 0  # even steps through the scan
+    planes, x_mm = planes_in_beams(fan, patches), fan.x_mm
+    _, apex_y, apex_z = fan.apex_mm
+    lean_y, lean_z = fan.lean
+    met, j, due = 0, 0, 0  # even steps through the scan
     for p in range(label.shape[0]):
         for u in range(label.shape[1]):
             i = label[p, u]
             if i < 0:
                 continue
-            if seen == due and j < n:
-                _foot(fan, patches, p, u, points[place[j]])
-                patch[place[j]] = i
+            if met == due and j < n:
+                # Where the beam meets its patch: a point's noise would only blur the comparison.
+                x, slope, k = x_mm[p], fan.slope[p, u], place[j]
+                depth = (planes[i, 3] - planes[i, 0] * x) / (planes[i, 1] * slope + planes[i, 2])
+                points[k, 0] = x
+                points[k, 1] = apex_y + lean_y * x + slope * depth
+                points[k, 2] = apex_z + lean_z * x + depth
+                patch[k] = i
                 sampled[i] += 1.0
                 j += 1
                 due = j * n_all // n
-            seen += 1
+            met += 1
     for j in range(n):
         area[j] = patches.area_mm2[patch[j]] / sampled[patch[j]]
-    image = _image(fan.depth_mm, label)
-    return View(fan, patches, image, pixel_of, slope_low, cells_per_slope, points, patch, area)
+    seen = Seen(
+        _image(fan.depth_mm, label),
+        label.shape[0],
+        label.shape[1],
+        x_mm[0],
+        profile_step_mm(fan),
+        apex_y,
+        apex_z,
+        lean_y,
+        lean_z,
+        pixel_of,
+        slope_low,
+        cells_per_slope,
+        patches.normal,
+        patches.offset_mm,
+        points,
+        patch,
+        area,
+    )
+    return View(fan, patches, seen)
 
 
 @compiled
@@ -122,17 +169,6 @@ def _image(depth: FloatArray, label: IndexArray) -> NDArray[np.float32]:
             image[p, u, SEEN], image[p, u, PATCH] = depth[p, u], label[p, u]
             image[p, u, NEAREST] = min(min(beside[0, u], beside[1, u]), beside[2, u])
     return image.reshape(-1, 3)
-
-
-@compiled
-def _foot(fan: Fan, patches: Patches, p: int, u: int, point: FloatArray) -> None:
-    """Where the beam meets its patch: one point's noise would only blur the comparison."""
-    i, s = patches.label[p, u], fan.slope[p, u]
-    n = patches.normal[i]
-    x = fan.x_mm[p]
-    y, z = fan.apex_mm[1] + fan.lean[0] * x, fan.apex_mm[2] + fan.lean[1] * x
-    depth = (patches.offset_mm[i] - n[0] * x - n[1] * y - n[2] * z) / (n[1] * s + n[2])
-    point[0], point[1], point[2] = x, y + s * depth, z + depth
 
 
 @compiled
@@ -171,7 +207,7 @@ def compared(
     """
     areas, how = np.empty(4), comparison(params)
     counts = np.empty((target.patches.n_points.size, source.patches.n_points.size), np.int64)
-    compare_both(target, source, how, r, t, tolerance_mm, 1, counts, areas)
+    compare_both(target.seen, source.seen, how, r, t, tolerance_mm, 1, counts, areas)
     return areas, float(score_of(how, areas))
 
 
@@ -183,8 +219,8 @@ def score_of(how: Comparison, areas: FloatArray) -> float:
 
 @compiled
 def compare_both(
-    target: View,
-    source: View,
+    target: Seen,
+    source: Seen,
     how: Comparison,
     r: FloatArray,
     t: FloatArray,
@@ -207,8 +243,8 @@ def compare_both(
 
 @compiled
 def _compare(
-    seen_by: View,
-    points_of: View,
+    seen_by: Seen,
+    points_of: Seen,
     how: Comparison,
     r: FloatArray,
     t: FloatArray,
@@ -217,9 +253,9 @@ def _compare(
     counts: IntArray,
     areas: FloatArray,
 ) -> None:
-    image = seen_by.image
-    normal, offset = seen_by.patches.normal, seen_by.patches.offset_mm
-    source_normal = points_of.patches.normal
+    image, normal, offset = seen_by.image, seen_by.normal, seen_by.offset_mm
+    sample_area, sample_patch = points_of.sample_area, points_of.sample_patch
+    source_normal = points_of.normal
     turned = np.empty_like(source_normal)
     for k in range(source_normal.shape[0]):
         for u in range(3):
@@ -228,17 +264,18 @@ def _compare(
                 + r[u, 1] * source_normal[k, 1]
                 + r[u, 2] * source_normal[k, 2]
             )
-    n = (points_of.sample_area.size + stride - 1) // stride
+    n = (sample_area.size + stride - 1) // stride
     moved, beam = np.empty((4, n)), np.empty(n, np.int64)
-    _move(seen_by, points_of, r, t, stride, moved, beam)
+    _move(points_of.sample_mm, r, t, stride, moved)
+    beams_at(seen_by, moved, beam)
     for j in range(n):
-        area, b = points_of.sample_area[j * stride], beam[j]
+        area, b = sample_area[j * stride], beam[j]
         if b < 0:
             areas[OUTSIDE] += area
             continue
         # All that may be said is looked up, and the strongest word taken: branches cost more.
         wx, wy, wz, z = moved[0, j], moved[1, j], moved[2, j], moved[3, j]
-        i, k = int(image[b, PATCH]), points_of.sample_patch[j * stride]
+        i, k = int(image[b, PATCH]), sample_patch[j * stride]
         on = max(i, 0)
         away = normal[on, 0] * wx + normal[on, 1] * wy + normal[on, 2] * wz - offset[on]
         cos = (
@@ -256,31 +293,34 @@ def _compare(
 
 @compiled
 def _move(
-    seen_by: View,
-    points_of: View,
-    r: FloatArray,
-    t: FloatArray,
-    stride: int,
-    moved: FloatArray,
-    beam: IntArray,
+    samples: FloatArray, r: FloatArray, t: FloatArray, stride: int, moved: FloatArray
 ) -> None:
-    """Move samples into the other view: (4, n) x, y, z and depth, and the beam that each is on."""
-    x, apex, samples = seen_by.fan.x_mm, seen_by.fan.apex_mm, points_of.sample_mm
-    lean_y, lean_z = seen_by.fan.lean
-    rows, columns, cells = x.size, seen_by.fan.column_slope.size, seen_by.pixel_of.size
-    step = (x[rows - 1] - x[0]) / max(rows - 1, 1)
-    low, scale = seen_by.slope_low, seen_by.cells_per_slope
+    """Move samples into the other view: the first three rows of (4, n), x, y and z."""
+    for j in range(moved.shape[1]):
+        px, py, pz = samples[j * stride, 0], samples[j * stride, 1], samples[j * stride, 2]
+        moved[0, j] = r[0, 0] * px + r[0, 1] * py + r[0, 2] * pz + t[0]
+        moved[1, j] = r[1, 0] * px + r[1, 1] * py + r[1, 2] * pz + t[1]
+        moved[2, j] = r[2, 0] * px + r[2, 1] * py + r[2, 2] * pz + t[2]
+
+
+@compiled
+def beams_at(seen: Seen, points: FloatArray, beam: IntArray) -> None:
+    """The beam (n,), out, that passes nearest to each point, -1 for none.
+
+    points: (4, n) x, y and z in mm, and depth as the profile through the point sees it, out.
+    """
+    pixel_of, profiles, pixels = seen.pixel_of, seen.profiles, seen.pixels
+    first, step, low, scale = seen.first_mm, seen.step_mm, seen.slope_low, seen.cells_per_slope
+    apex_y, apex_z, lean_y, lean_z = seen.apex_y_mm, seen.apex_z_mm, seen.lean_y, seen.lean_z
     row, cell = np.empty(beam.size), np.empty(beam.size)
     for j in range(beam.size):
-        px, py, pz = samples[j * stride, 0], samples[j * stride, 1], samples[j * stride, 2]
-        wx = r[0, 0] * px + r[0, 1] * py + r[0, 2] * pz + t[0]
-        wy = r[1, 0] * px + r[1, 1] * py + r[1, 2] * pz + t[1]
-        wz = r[2, 0] * px + r[2, 1] * py + r[2, 2] * pz + t[2]
-        z = wz - lean_z * wx - apex[2]  # as the profile through the point sees it
-        moved[0, j], moved[1, j], moved[2, j], moved[3, j] = wx, wy, wz, z
-        row[j] = np.floor((wx - x[0]) / step + 0.5)
-        cell[j] = ((wy - lean_y * wx - apex[1]) / z - low) * scale
+        x, z = points[0, j], points[2, j] - lean_z * points[0, j] - apex_z
+        points[3, j] = z
+        row[j] = np.floor((x - first) / step + 0.5)
+        cell[j] = ((points[1, j] - lean_y * x - apex_y) / z - low) * scale
     for j in range(beam.size):
-        inside = (0.0 <= row[j] < rows) & (0.0 <= cell[j] < cells) & (moved[3, j] > 1.0)
-        pixel = seen_by.pixel_of[np.int64(cell[j])] if inside else -1
-        beam[j] = np.int64(row[j]) * columns + pixel if pixel >= 0 else -1
+        inside = (
+            (0.0 <= row[j] < profiles) & (0.0 <= cell[j] < pixel_of.size) & (points[3, j] > 1.0)
+        )
+        pixel = pixel_of[np.int64(cell[j])] if inside else -1
+        beam[j] = np.int64(row[j]) * pixels + pixel if pixel >= 0 else -1

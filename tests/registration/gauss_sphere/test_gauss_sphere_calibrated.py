@@ -12,9 +12,10 @@ from plane_scans import Plates, plates_from, scan_plates
 from registration import Scan, register
 from registration.calibration import Calibration, CalibrationError, Table
 from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.calibrated import known_of, take_bias, take_noise
+from registration.gauss_sphere.calibrated import known_of, take_bias_and_noise
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.pipeline import describe
+from registration.gauss_sphere.points import Grouped
 from registration.gauss_sphere.straightening import straightened
 from registration.gauss_sphere.verification import View
 
@@ -80,9 +81,11 @@ def test_planes_are_straight_again(form: str, made: Plates, tmp_path: Path) -> N
 
 
 def fan_without_bias(view: View, model: Calibration) -> Fan:
-    patches = view.patches
-    known = known_of(model)
-    return straightened(view.fan, patches.label, patches.n_points.size, known, turns=3)
+    label = view.patches.label.ravel()
+    place = np.argsort(label, kind="stable")[np.count_nonzero(label < 0) :].astype(np.int32)
+    start = np.searchsorted(label[place], np.arange(view.patches.n_points.size + 1))
+    points = Grouped(start, place // np.int32(view.patches.label.shape[1]), place)
+    return straightened(view.fan, points, known_of(model), turns=3)
 
 
 @pytest.mark.parametrize("form", ["incidence", "lateral"])
@@ -95,8 +98,7 @@ def test_the_fast_table_is_the_calibration(form: str) -> None:
     growing = np.outer(DEPTH_MM / 1000.0, [0.3, 0.9])
     model = replace(model, sigma=Table(DEPTH_MM, np.array([0.0, 3.0]), growing))
     beams = np.stack([np.zeros(500), slope, z - apex_z, np.zeros(500), z - apex_z])
-    take_bias(beams, normal, apex_z, known_of(model))
-    take_noise(beams, normal, apex_z, known_of(model))
+    take_bias_and_noise(beams, normal, apex_z, known_of(model))
     cos = -(normal[1] * slope + normal[2]) / np.sqrt(1.0 + slope**2)
     expected = model.bias_mm(z, slope, cos)
     np.testing.assert_allclose(beams[4] - beams[2], expected, atol=2e-3)

@@ -8,9 +8,10 @@ from plane_scans import APEX_BEHIND_MM, plates_from, random_clutter, scan_plates
 
 from registration import Scan
 from registration.gauss_sphere.beams import depth_noise, estimate_apex, fan_of
-from registration.gauss_sphere.growing import find_patches
+from registration.gauss_sphere.growing import grown
 from registration.gauss_sphere.params import PatchParams, SegmentParams
 from registration.gauss_sphere.patches import fit_patches
+from registration.gauss_sphere.points import Grouped
 from registration.gauss_sphere.segments import find_segments
 
 
@@ -23,7 +24,8 @@ def plates(*normals: tuple[float, float, float], half_mm: float = 60.0):
 
 def patches_of(scan: Scan):
     fan = fan_of(scan)
-    return find_patches(fan, find_segments(fan, SegmentParams()), PatchParams())
+    points = grown(fan, find_segments(fan, SegmentParams()), PatchParams())
+    return fit_patches(fan, points, PatchParams())
 
 
 def test_the_apex_is_found_where_the_beams_meet() -> None:
@@ -109,10 +111,12 @@ def test_the_covariance_of_a_plane_is_what_its_errors_are(normal) -> None:
 def test_points_of_one_profile_make_no_plane() -> None:
     scan = scan_plates(plates((0.1, 0.2, -1.0)))
     fan = fan_of(scan)
-    label = np.full(fan.depth_mm.shape, -1, dtype=np.int32)
-    label[20, np.isfinite(fan.depth_mm[20])] = 0
-    assert (label == 0).sum() > PatchParams().min_points
-    fitted = fit_patches(fan, label, 1, PatchParams())
+    place = 20 * fan.depth_mm.shape[1] + np.flatnonzero(np.isfinite(fan.depth_mm[20]))
+    assert place.size > PatchParams().min_points
+    points = Grouped(
+        np.array([0, place.size]), np.full(place.size, 20, np.int32), place.astype(np.int32)
+    )
+    fitted = fit_patches(fan, points, PatchParams())
     assert fitted.n_points.size == 0
     assert (fitted.label == -1).all()
 
