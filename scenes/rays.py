@@ -63,7 +63,8 @@ def cast_rays(
     fan: (n,) the origin of each ray, in ascending order: MuJoCo is called once a fan.
     Returns the distance (n,) in units of the length of each direction, NaN for a ray that meets
     nothing, and the surface (n,) as an index into scene.surfaces, -1 for none; a ray within a
-    microradian of a face's plane meets nothing. Raises RayError for an origin inside of a solid.
+    microradian of a face's plane meets nothing, nor does one that slips in between two faces along
+    their edge, whose mesh is that imprecise. Raises RayError for an origin inside of a solid.
 
     MuJoCo finds the face, and the distance is then taken from the face's exact plane: meshes are
     stored in single precision, which would cost up to 1e-4 mm.
@@ -96,14 +97,14 @@ def cast_rays(
     plane = target.normal[surface]
     ahead = np.einsum("ni,ni->n", plane, vectors)
     grazing = 1e-6 * np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
-    leaving = ahead > grazing
-    if leaving.any():
-        solid = scene.surfaces[surface[leaving.argmax()]].geom
-        raise RayError(
-            f"scene {scene.name!r}: a ray starts inside of {solid!r}; the sensor has to stay "
-            "outside of every solid"
-        )
-    surface[np.abs(ahead) <= grazing] = -1
+    for i in np.flatnonzero(ahead > grazing):
+        if _is_inside(target, geom[i], origins_m[fan[i]]):
+            solid = scene.surfaces[surface[i]].geom
+            raise RayError(
+                f"scene {scene.name!r}: a ray starts inside of {solid!r}; the sensor has to stay "
+                "outside of every solid"
+            )
+    surface[ahead >= -grazing] = -1
     plane = target.normal[surface]
     height_m = target.offset_m[surface] - np.einsum("ni,ni->n", plane, origins_m[fan])
     return height_m / ahead, surface
@@ -132,6 +133,13 @@ def _face_met(target: RayTarget, geom: NDArray[np.int32], normal: FloatArray) ->
         nearer = likeness > best  # False where there is no further face: its normal is NaN
         surface[nearer], best[nearer] = candidate[nearer], likeness[nearer]
     return surface
+
+
+def _is_inside(target: RayTarget, geom: int, point_m: FloatArray) -> bool:
+    """Whether a point lies inside of a geom: solids are convex."""
+    faces = target.surface_of_geom[geom]
+    height_m = target.normal[faces] @ point_m - target.offset_m[faces]
+    return not (height_m > 0.0).any()  # heights above faces that there are none of are NaN
 
 
 def _compile(scene: Scene) -> RayTarget:

@@ -146,6 +146,29 @@ def test_a_ray_from_inside_of_a_solid_is_refused(solid: str) -> None:
             cast_fans(scene, np.array([inside]), direction[None, None])
 
 
+def test_rays_at_the_edges_of_a_solid_do_not_start_inside_of_it() -> None:
+    # Meshes are of single precision: along one edge in some hundred, rays slip in between faces.
+    rng = np.random.default_rng(0)
+    outline = [(0.0, 0.0), (0.2, 0.0), (0.13, 0.17)]
+    for _ in range(20):
+        scene = assemble("one", [prism("wedge", outline, 0.2, rng.uniform(-0.1, 0.1, 3))])
+        ends = [
+            (a, b)
+            for face in scene.surfaces
+            for a, b in zip(face.polygon_m, np.roll(face.polygon_m, -1, axis=0), strict=True)
+        ]
+        origins = np.repeat(rng.normal(size=(20, 3)), len(ends), axis=0)
+        origins /= np.linalg.norm(origins, axis=1, keepdims=True)
+        first, last = np.array(20 * ends).transpose(1, 0, 2)
+        ahead = first + rng.uniform(size=(len(first), 1)) * (last - first) - origins
+        distance, surface = cast_fans(scene, origins, ahead[:, None])
+        assert (np.isnan(distance) == (surface < 0)).all()
+        met = surface[:, 0] >= 0
+        # What is met is an end of the solid that faces the sensor, at the edge or before it.
+        assert (distance[met] < 1.0 + 1e-6).all()
+        assert not met.all()
+
+
 def test_a_ray_along_a_face_meets_nothing() -> None:
     scene = assemble("cube", [box("cube", [0.2, 0.2, 0.2], [0.0, 0.0, 0.0])])
     origin = np.array([[-1.0, 0.0, 0.2]])
