@@ -1,4 +1,4 @@
-"""Poses that planes alone leave in doubt, judged again by the outlines of faces.
+"""Poses that planes alone leave in doubt, or outlines of faces deny, judged again by outlines.
 
 Planes do not tell where along themselves they are seen, nor which of two like scenes is meant.
 Outlines do: a face that ends in one view must end there in the other, if that sees the place.
@@ -13,7 +13,7 @@ import numpy as np
 from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.decision import centre_of, open_units, uncertainty
 from registration.gauss_sphere.matching import Settled, settle_best
-from registration.gauss_sphere.outlines import Outlines, as_ends, moved_outlines, outlines_of
+from registration.gauss_sphere.outlines import Outlines, as_ends, moved_outlines
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.poses import are_same
@@ -31,7 +31,12 @@ BARELY = 1e-9  # of the information: enough to solve for what stays open
 
 
 def appealed(
-    settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
+    settled: list[Settled],
+    target: View,
+    source: View,
+    outlines: tuple[Outlines, Outlines],
+    bias_mm: float,
+    params: GaussSphereParams,
 ) -> list[Settled]:
     """The settled poses, moved to where outlines coincide, without those that outlines deny.
 
@@ -39,7 +44,7 @@ def appealed(
     best of them.
     """
     how = params.outlines
-    of_target, of_source = outlines_of(target, how), outlines_of(source, how)
+    of_target, of_source = outlines
     starts = []
     for pose in settled:
         starts.extend(_starts(pose, target, of_target, of_source, params))

@@ -14,13 +14,14 @@ from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import is_weak, judge, refuted, sliding, transforms
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import grown
-from registration.gauss_sphere.matching import settle_best
+from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, fit_patches
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.straightening import straightened
-from registration.gauss_sphere.testimony import denied_share
+from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.verification import View, view_of
 from registration.gauss_sphere.whole_planes import by_whole_planes
@@ -28,7 +29,7 @@ from registration.result import RegistrationResult
 from registration.scan import Scan
 
 ONE_DIRECTION_RAD = 0.1
-FARTHEST_MM = 0.9e5
+FARTHEST_MM, NOTHING_MM = 0.9e5, 1e-6
 UNCALIBRATED = (
     "no calibration was given: the bias of the sensor stays in the scans, the pose is the less "
     "accurate for it, and errors may be larger than the covariance says"
@@ -132,16 +133,7 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     bias_mm = left_bias_mm(target, source, read_known(params.calibration), params.bending)
     if bias_mm > 0.0:
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
-    result = judge(settled, target, source, params.decision)
-    denied, how = 0.0, params.outlines
-    if result.status == "ok":
-        denied = denied_share(settled[0].rotation, settled[0].shift_mm, target, source, how)
-    if result.status != "ok" or denied > how.refuted_share:
-        left = appealed(settled, target, source, bias_mm, params)
-        if left:
-            settled, result = left, judge(left, target, source, params.decision, appeal=True)
-        elif result.status == "ok":
-            result = refuted(settled, target, source, denied)
+    settled, result = _judged(settled, target, source, bias_mm, params)
     best = settled[0]
     if bias_mm > 0.0:
         about = UNFIT if params.calibration else BENT
@@ -163,12 +155,41 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     return replace(result, stage_ms=stage_ms, evidence={"planes": planes})
 
 
+def _judged(
+    settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
+) -> tuple[list[Settled], RegistrationResult]:
+    """Judge poses by planes, and by outlines where planes leave doubt or ends of faces raise it."""
+    result, best = judge(settled, target, source, params.decision), settled[0]
+    pose, how, denied = (best.rotation, best.shift_mm, target, source), params.outlines, 0.0
+    if result.status == "ok" and not is_doubtful(*pose, how):
+        return settled, result
+    outlines = outlines_of(target, how), outlines_of(source, how)
+    if result.status == "ok":
+        denied = denied_share(*pose, outlines, how)
+        if denied <= how.refuted_share:
+            return settled, result
+    left = appealed(settled, target, source, outlines, bias_mm, params)
+    if left:
+        return left, judge(left, target, source, params.decision, appeal=True)
+    if result.status == "ok":
+        result = refuted(settled, target, source, denied)
+    return settled, result
+
+
 def _marks(target: View, source: View) -> tuple[str, ...]:
-    """What may be wrong with scans whose points lie farther away than any profile scanner sees."""
+    """What may be wrong with scans whose points lie where no profile scanner sees any."""
     notes = []
     for name, view in (("target", target), ("source", source)):
-        depth_mm = view.fan.depth_mm + view.fan.apex_mm[2]
+        fan = view.fan
+        depth_mm = fan.depth_mm + fan.apex_mm[2]
+        aside_mm = fan.slope * fan.depth_mm + fan.apex_mm[1]
+        zeros = np.count_nonzero((abs(depth_mm) < NOTHING_MM) & (abs(aside_mm) < NOTHING_MM))
         far = np.count_nonzero(depth_mm > FARTHEST_MM)
+        if zeros:
+            notes.append(
+                f"{zeros} of {np.isfinite(depth_mm).sum()} points of the {name} scan lie at "
+                "Y = Z = 0, in the sensor: where nothing returned, give NaN"
+            )
         if far:
             notes.append(
                 f"{far} of {np.isfinite(depth_mm).sum()} points of the {name} scan lie more than "

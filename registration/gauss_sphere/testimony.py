@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.gauss_sphere.outlines import Ends, as_ends, ends_of, outlines_of
+from registration.gauss_sphere.outlines import Ends, Outlines, as_ends, ends_of
 from registration.gauss_sphere.params import OutlineParams
 from registration.gauss_sphere.verification import PATCH, SEEN, Seen, View, beams_at
 from registration.kernels import compiled
@@ -16,21 +16,32 @@ LEAST_SHARE = 0.3  # cosine between a direction and the ends that tell of it
 ANY_WAY = np.zeros(3)
 
 
-def denied_share(
+def is_doubtful(
     r: FloatArray, t: FloatArray, target: View, source: View, params: OutlineParams
-) -> float:
-    """Of what two views say of each other's faces under a pose, the share that denies it.
+) -> bool:
+    """Whether some ends of faces, which cost little to ask, speak against a pose.
 
-    Some ends of faces are asked first, which costs little; outlines only where these raise doubt,
-    else 0. It is also 0 where too little is said.
     r: (3, 3), t: (3,) in mm, p_target = R p_source + t.
     """
     how = params.off_mm, params.on_mm, params.behind_mm
     looked = params.missing_pixels, params.every
     confirmed, denied = _said_of_some(r, t, target, source, *how, *looked)
-    if denied <= params.refuted_share * (confirmed + denied):
-        return 0.0
-    ends = as_ends(outlines_of(target, params)), as_ends(outlines_of(source, params))
+    return bool(denied > params.refuted_share * (confirmed + denied))
+
+
+def denied_share(
+    r: FloatArray,
+    t: FloatArray,
+    target: View,
+    source: View,
+    outlines: tuple[Outlines, Outlines],
+    params: OutlineParams,
+) -> float:
+    """Of what two views say of each other's outlines under a pose, the share that denies it.
+
+    It is 0 where too little is said.
+    """
+    ends = as_ends(outlines[0]), as_ends(outlines[1])
     confirmed, denied = said(r, t, target, source, ends, ANY_WAY, params)
     needed = params.refuting_share * (len(ends[0].point_mm) + len(ends[1].point_mm))
     share = denied / max(confirmed + denied, 1)

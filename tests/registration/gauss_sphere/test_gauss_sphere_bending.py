@@ -63,6 +63,16 @@ def test_marks_of_no_return_are_named_where_no_answer_is_found(mark_mm: float) -
     assert "NaN" in result.notes[2]
 
 
+def test_zeros_in_place_of_no_return_are_named_where_no_answer_is_found() -> None:
+    points_mm = np.zeros((20, 64, 3))
+    points_mm[:, :, 0] = 5.0 * np.arange(20)[:, None]
+    scan = Scan.from_points(points_mm, 5.0, apex_mm=(0.0, 0.0, -60.0))
+    result = register(scan, scan)
+    assert result.status != "ok"
+    assert result.notes[1].startswith("1280 of 1280 points of the target scan lie at Y = Z = 0")
+    assert "NaN" in result.notes[2]
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_bending_is_measured(seed: int) -> None:
     seen = answer(clutter_pair(seed, 1.0), 1.0, GaussSphereParams()).evidence["planes"]

@@ -25,7 +25,7 @@ from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.decision import uncertainty
 from registration.gauss_sphere.matching import settle_best
-from registration.gauss_sphere.outlines import as_ends, outlines_of
+from registration.gauss_sphere.outlines import as_ends, ends_of, outlines_of
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.refine import likelihood, widened
@@ -86,6 +86,23 @@ def test_outlines_lie_where_a_face_ends_and_point_away_from_it() -> None:
     assert np.mean(along_a_side) > 0.8
     assert np.abs(past[along_a_side]).max() < 2.0
     assert np.abs(np.median(past[along_a_side])) < 1.0
+
+
+def test_more_ends_of_faces_than_there_was_room_for_at_first_are_all_found() -> None:
+    plates = boards(np.random.default_rng(0))
+    some, many = (
+        describe(scan_plates(plates, profiles=n, step_mm=300.0 / n), GaussSphereParams())
+        for n in (60, 1200)
+    )
+    how = HOW.behind_mm, HOW.missing_pixels, 1
+    few, ends = (ends_of(view.fan, view.patches, *how) for view in (some, many))
+    # Along profiles there are as many more ends as there are more profiles.
+    assert len(few.point_mm) < 1024 < 2048 < len(ends.point_mm)
+    for unit in (ends.outward, ends.normal):
+        np.testing.assert_allclose(np.linalg.norm(unit, axis=1), 1.0)
+    assert np.abs((ends.outward * ends.normal).sum(axis=1)).max() < 1e-9
+    on_planes = np.abs(ends.point_mm @ many.patches.normal.T - many.patches.offset_mm).min(axis=1)
+    assert on_planes.max() < 1e-6
 
 
 def test_columns_that_never_return_do_not_cost_the_others_their_outlines() -> None:
@@ -149,8 +166,9 @@ def test_a_bias_of_the_planes_does_not_undo_what_outlines_fix() -> None:
     T = pair.T_target_source
     rotation, shift_mm = T.rotation.as_matrix()[None], np.asarray(T.translation)[None]
     settled = settle_best(target, source, rotation, shift_mm, params, look_again=False)
+    outlines = outlines_of(target, params.outlines), outlines_of(source, params.outlines)
     exact, biased = (
-        appealed(settled, target, source, bias_mm, params)[0] for bias_mm in (0.0, 3.0)
+        appealed(settled, target, source, outlines, bias_mm, params)[0] for bias_mm in (0.0, 3.0)
     )
     for pose in (exact, biased):
         assert not uncertainty(pose, pose.sure, target, params.decision)[1].size

@@ -25,9 +25,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from registration import Scan, register
 from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams, WideParams
 from registration.gauss_sphere.pipeline import describe
-from registration.gauss_sphere.testimony import denied_share
+from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import search_of, shifts_at
 from registration.gauss_sphere.verification import View
 
@@ -116,12 +117,12 @@ def test_outlines_deny_a_pose_two_periods_off_where_the_row_ends(seed: int) -> N
         settled_at(target, source, *off_by(pair.T_target_source, periods)) for periods in (0, 2)
     )
     how = PARAMS.outlines
-    shares = [
-        denied_share(pose.rotation, pose.shift_mm, target, source, how) for pose in (right, wrong)
-    ]
-    assert shares[0] == 0.0
-    assert shares[1] > how.refuted_share
-    left = appealed([wrong, right], target, source, 0.0, PARAMS)
+    outlines = outlines_of(target, how), outlines_of(source, how)
+    for pose, denied in ((right, False), (wrong, True)):
+        at = pose.rotation, pose.shift_mm, target, source
+        assert is_doubtful(*at, how) == denied
+        assert (denied_share(*at, outlines, how) > how.refuted_share) == denied
+    left = appealed([wrong, right], target, source, outlines, 0.0, PARAMS)
     assert len(left) == 1
     assert np.linalg.norm(left[0].shift_mm - right.shift_mm) < 5.0
 
