@@ -20,7 +20,8 @@ from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.refine import distances2, likelihood
 from registration.gauss_sphere.small_matrices import apply_step
 from registration.gauss_sphere.testimony import ANY_WAY, said
-from registration.gauss_sphere.verification import View, compared
+from registration.gauss_sphere.verification import compared
+from registration.gauss_sphere.view import View
 from registration.kernels import compiled
 from registration.scan import FloatArray
 

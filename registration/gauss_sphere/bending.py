@@ -17,7 +17,7 @@ from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import BendingParams, GaussSphereParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.gauss_sphere.refine import likelihood, widened
-from registration.gauss_sphere.verification import View
+from registration.gauss_sphere.view import View
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 

@@ -8,7 +8,8 @@ from scipy.spatial.transform import RigidTransform
 from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import DecisionParams
 from registration.gauss_sphere.patches import Patches
-from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT, View
+from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT
+from registration.gauss_sphere.view import View
 from registration.kernels import compiled
 from registration.result import Candidate, RegistrationResult
 from registration.scan import FloatArray, IntArray

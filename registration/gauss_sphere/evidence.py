@@ -12,7 +12,7 @@ from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.translation import pose_candidates
-from registration.gauss_sphere.verification import View
+from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray
 
 

@@ -13,7 +13,8 @@ from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.refine import likelihood
 from registration.gauss_sphere.settling import Effort, settle_all
 from registration.gauss_sphere.translation import search_of
-from registration.gauss_sphere.verification import View, comparison
+from registration.gauss_sphere.verification import comparison
+from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from registration.gauss_sphere.beams import Fan, profile_step_mm
 from registration.gauss_sphere.params import OutlineParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
-from registration.gauss_sphere.verification import View
+from registration.gauss_sphere.view import View
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 

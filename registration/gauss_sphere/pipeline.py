@@ -23,7 +23,7 @@ from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.straightening import straightened
 from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import pose_candidates
-from registration.gauss_sphere.verification import View, view_of
+from registration.gauss_sphere.view import View, view_of
 from registration.gauss_sphere.whole_planes import by_whole_planes
 from registration.result import RegistrationResult
 from registration.scan import Scan

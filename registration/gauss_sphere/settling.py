@@ -17,12 +17,8 @@ from registration.gauss_sphere.refine import (
 )
 from registration.gauss_sphere.shift_search import Search
 from registration.gauss_sphere.translation import shifts_at
-from registration.gauss_sphere.verification import (
-    Comparison,
-    View,
-    compare_both,
-    score_of,
-)
+from registration.gauss_sphere.verification import Comparison, compare_both, score_of
+from registration.gauss_sphere.view import View
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from registration.gauss_sphere.outlines import Ends, Outlines, as_ends, ends_of
 from registration.gauss_sphere.params import OutlineParams
-from registration.gauss_sphere.verification import PATCH, SEEN, Seen, View, beams_at
+from registration.gauss_sphere.view import PATCH, SEEN, Seen, View, beams_at
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 

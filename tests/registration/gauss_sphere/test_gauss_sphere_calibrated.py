@@ -17,7 +17,7 @@ from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.points import Grouped
 from registration.gauss_sphere.straightening import straightened
-from registration.gauss_sphere.verification import View
+from registration.gauss_sphere.view import View
 
 DEPTH_MM = np.linspace(200.0, 1200.0, 11)
 

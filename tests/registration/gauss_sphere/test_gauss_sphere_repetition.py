@@ -30,7 +30,7 @@ from registration.gauss_sphere.params import GaussSphereParams, OutlineParams, W
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import search_of, shifts_at
-from registration.gauss_sphere.verification import View
+from registration.gauss_sphere.view import View
 
 PERIOD_MM = 100.0
 ALONG = ROOM.apply([0.0, 1.0, 0.0])

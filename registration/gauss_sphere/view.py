@@ -1,0 +1,192 @@
+"""A scan ready to be compared: what it saw, by beam, and points on its planes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from registration.gauss_sphere.beams import Fan, profile_step_mm
+from registration.gauss_sphere.params import VerificationParams
+from registration.gauss_sphere.patches import Patches, planes_in_beams
+from registration.kernels import compiled
+from registration.scan import FloatArray, IndexArray, IntArray
+
+SEEN, NEAREST, PATCH = range(3)  # columns of a view's image
+GOLDEN_RATIO = 0.6180339887498949
+CELLS_PER_PIXEL = 8
+
+
+class Seen(NamedTuple):
+    """What a view saw, as comparisons look it up, and what they look up in the other.
+
+    Apart from the view, because a call costs as much as the arrays that it hands over.
+
+    image: (profiles * pixels, 3) depth in mm, least of the nine depths there, -inf where one is
+        missing, and patch, -1 for none. Side by side and in single precision, because every
+        comparison looks them up all over the view.
+    profiles, pixels: how many; first_mm, step_mm: where profiles lie along X.
+    apex_y_mm, apex_z_mm, lean_y, lean_z: see Fan.
+    pixel_of: (cells,) pixel of each cell of slope; slope_low, cells_per_slope: where they lie.
+    normal: (m, 3), offset_mm: (m,) of the patches.
+    sample_mm: (n, 3) points on the patches, in random order; sample_patch: (n,) theirs;
+    sample_area: (n,) mm^2 that each stands for.
+    """
+
+    image: NDArray[np.float32]
+    profiles: int
+    pixels: int
+    first_mm: float
+    step_mm: float
+    apex_y_mm: float
+    apex_z_mm: float
+    lean_y: float
+    lean_z: float
+    pixel_of: IntArray
+    slope_low: float
+    cells_per_slope: float
+    normal: FloatArray
+    offset_mm: FloatArray
+    sample_mm: FloatArray
+    sample_patch: IntArray
+    sample_area: FloatArray
+
+
+class View(NamedTuple):
+    """A scan ready to be compared."""
+
+    fan: Fan
+    patches: Patches
+    seen: Seen
+
+
+def view_of(fan: Fan, patches: Patches, params: VerificationParams) -> View:
+    """Prepare a scan for verification."""
+    return _view_of(fan, patches, _places(min(params.samples, int(patches.n_points.sum()))))
+
+
+@lru_cache(maxsize=8)
+def _places(n: int) -> IntArray:
+    """(n,) an order whose every stride is spread over the scan: multiples of the golden ratio."""
+    place = np.empty(n, np.int64)
+    place[np.argsort(np.arange(n) * GOLDEN_RATIO % 1.0, kind="stable")] = np.arange(n)
+    return place
+
+
+@compiled
+def _view_of(fan: Fan, patches: Patches, place: IntArray) -> View:
+    pixel_of, slope_low, cells_per_slope = _slope_table(fan.column_slope)
+    label, n, n_all = patches.label, place.size, patches.n_points.sum()
+    points, patch, area = np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
+    sampled = np.zeros(patches.n_points.size)
+    planes, x_mm = planes_in_beams(fan, patches), fan.x_mm
+    _, apex_y, apex_z = fan.apex_mm
+    lean_y, lean_z = fan.lean
+    met, j, due = 0, 0, 0  # even steps through the scan
+    for p in range(label.shape[0]):
+        for u in range(label.shape[1]):
+            i = label[p, u]
+            if i < 0:
+                continue
+            if met == due and j < n:
+                # Where the beam meets its patch: a point's noise would only blur the comparison.
+                x, slope, k = x_mm[p], fan.slope[p, u], place[j]
+                depth = (planes[i, 3] - planes[i, 0] * x) / (planes[i, 1] * slope + planes[i, 2])
+                points[k, 0] = x
+                points[k, 1] = apex_y + lean_y * x + slope * depth
+                points[k, 2] = apex_z + lean_z * x + depth
+                patch[k] = i
+                sampled[i] += 1.0
+                j += 1
+                due = j * n_all // n
+            met += 1
+    for j in range(n):
+        area[j] = patches.area_mm2[patch[j]] / sampled[patch[j]]
+    seen = Seen(
+        _image(fan.depth_mm, label),
+        label.shape[0],
+        label.shape[1],
+        x_mm[0],
+        profile_step_mm(fan),
+        apex_y,
+        apex_z,
+        lean_y,
+        lean_z,
+        pixel_of,
+        slope_low,
+        cells_per_slope,
+        patches.normal,
+        patches.offset_mm,
+        points,
+        patch,
+        area,
+    )
+    return View(fan, patches, seen)
+
+
+@compiled
+def _image(depth: FloatArray, label: IndexArray) -> NDArray[np.float32]:
+    rows, columns = depth.shape
+    image = np.empty((rows, columns, 3), np.float32)
+    # The least of three depths in a profile, of the three latest profiles.
+    beside = np.full((3, columns), -np.inf)
+    for latest in range(rows + 1):
+        row = beside[latest % 3]
+        row[:] = -np.inf
+        if latest < rows:
+            for u in range(1, columns - 1):
+                a, b, c = depth[latest, u - 1], depth[latest, u], depth[latest, u + 1]
+                row[u] = min(min(a, b), c) if np.isfinite(a + b + c) else -np.inf
+        if latest == 0:
+            continue
+        p = latest - 1
+        for u in range(columns):
+            image[p, u, SEEN], image[p, u, PATCH] = depth[p, u], label[p, u]
+            image[p, u, NEAREST] = min(min(beside[0, u], beside[1, u]), beside[2, u])
+    return image.reshape(-1, 3)
+
+
+@compiled
+def _slope_table(column_slope: FloatArray) -> tuple[IntArray, float, float]:
+    """The pixel nearest to each cell of slope, the lowest slope, and cells per unit of it."""
+    known = np.flatnonzero(np.isfinite(column_slope))
+    order = known[np.argsort(column_slope[known], kind="mergesort")]
+    slopes = column_slope[order]
+    if known.size < 2 or slopes[-1] == slopes[0]:
+        return np.full(1, -1), 0.0, 0.0
+    gap = (slopes[-1] - slopes[0]) / (known.size - 1)
+    low, high = slopes[0] - 0.5 * gap, slopes[-1] + 0.5 * gap
+    pixel_of = np.empty(CELLS_PER_PIXEL * column_slope.size, np.int64)
+    upper = 1
+    for i in range(pixel_of.size):
+        centre = low + (i + 0.5) * (high - low) / pixel_of.size
+        while upper < slopes.size - 1 and slopes[upper] < centre:
+            upper += 1
+        nearer = upper - 1 if centre - slopes[upper - 1] < slopes[upper] - centre else upper
+        pixel_of[i] = order[nearer]
+    return pixel_of, low, pixel_of.size / (high - low)
+
+
+@compiled
+def beams_at(seen: Seen, points: FloatArray, beam: IntArray) -> None:
+    """The beam (n,), out, that passes nearest to each point, -1 for none.
+
+    points: (4, n) x, y and z in mm, and depth as the profile through the point sees it, out.
+    """
+    pixel_of, profiles, pixels = seen.pixel_of, seen.profiles, seen.pixels
+    first, step, low, scale = seen.first_mm, seen.step_mm, seen.slope_low, seen.cells_per_slope
+    apex_y, apex_z, lean_y, lean_z = seen.apex_y_mm, seen.apex_z_mm, seen.lean_y, seen.lean_z
+    row, cell = np.empty(beam.size), np.empty(beam.size)
+    for j in range(beam.size):
+        x, z = points[0, j], points[2, j] - lean_z * points[0, j] - apex_z
+        points[3, j] = z
+        row[j] = np.floor((x - first) / step + 0.5)
+        cell[j] = ((points[1, j] - lean_y * x - apex_y) / z - low) * scale
+    for j in range(beam.size):
+        inside = (
+            (0.0 <= row[j] < profiles) & (0.0 <= cell[j] < pixel_of.size) & (points[3, j] > 1.0)
+        )
+        pixel = pixel_of[np.int64(cell[j])] if inside else -1
+        beam[j] = np.int64(row[j]) * pixels + pixel if pixel >= 0 else -1
