@@ -6,6 +6,7 @@ the points around it.
 
 from __future__ import annotations
 
+import math
 import os
 from functools import lru_cache
 from typing import NamedTuple
@@ -39,8 +40,8 @@ class Known(NamedTuple):
     """A calibration: the bias of the depth, and its standard deviation, both in mm.
 
     given: False where there is none. lateral: whether the bias goes with the slope of the beam,
-        else with the tangent of the incidence, as the standard deviation always does. Then both
-        have the same nodes.
+        else with the tangent of the incidence, as the standard deviation always does: without
+        lateral, both tables have the same nodes.
     known_to_mm: how well the bias is known: planes are trusted no better.
     """
 
@@ -61,19 +62,21 @@ def known_of(calibration: Calibration) -> Known:
 
 
 def _even(table: Table, *reaching: Table) -> EvenTable:
-    """A table on even nodes that reach as far as the given ones."""
-    depth_mm, at = (
-        np.linspace(min(nodes[0] for nodes in of), max(nodes[-1] for nodes in of), n)
-        for of, n in (
-            ([each.depth_mm for each in reaching], DEPTH_NODES),
-            ([each.at for each in reaching], NODES),
-        )
-    )
+    """A table on even nodes that reach as far as all of the given ones, close enough for each."""
+    depth_mm = _even_nodes([each.depth_mm for each in reaching], DEPTH_NODES)
+    at = _even_nodes([each.at for each in reaching], NODES)
     return EvenTable(
         np.array([depth_mm[0], at[0]]),
         np.array([1.0 / (depth_mm[1] - depth_mm[0]), 1.0 / (at[1] - at[0])]),
         np.ascontiguousarray(table.value(depth_mm[:, None], at[None, :])),
     )
+
+
+def _even_nodes(nodes: list[FloatArray], least: int) -> FloatArray:
+    """Nodes that reach as far as all of the given ones, and least of them over the shortest."""
+    first, last = min(each[0] for each in nodes), max(each[-1] for each in nodes)
+    shortest = min(each[-1] - each[0] for each in nodes)
+    return np.linspace(first, last, math.ceil((least - 1) * (last - first) / shortest) + 1)
 
 
 _NO_TABLE = EvenTable(np.zeros(2), np.ones(2), np.zeros((2, 2)))
@@ -97,7 +100,7 @@ def read_known(path: str) -> Known:
 def take_bias_and_noise(
     beams: FloatArray, plane: FloatArray, apex_z_mm: float, known: Known
 ) -> None:
-    """As take_bias and take_noise, which mostly look at the same places of their tables."""
+    """As take_bias and take_noise, which look at the same places unless the bias is lateral."""
     if known.lateral:
         take_bias(beams, plane, apex_z_mm, known)
         take_noise(beams, plane, apex_z_mm, known)

@@ -12,13 +12,13 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 
-def grown(fan: Fan, segments: Segments, params: PatchParams, every: int = 1) -> Grouped:
-    """The points of the patches that segments of every so many profiles grow into."""
-    owner, n_patches = grow(fan, segments, params, every)
-    return grouped(segments, owner, n_patches, fan.depth_mm, params.edge_pixels, every)
+def grown(fan: Fan, segments: Segments, params: PatchParams) -> Grouped:
+    """The points of the patches that segments grow into over the profiles."""
+    owner, n_patches = grow(fan, segments, params)
+    return grouped(segments, owner, n_patches, fan.depth_mm, params.edge_pixels)
 
 
-def grow(fan: Fan, segments: Segments, params: PatchParams, every: int) -> tuple[IntArray, int]:
+def grow(fan: Fan, segments: Segments, params: PatchParams) -> tuple[IntArray, int]:
     """(n,) the patch of each segment, -1 where it is too small to keep, and their number."""
     owner = np.empty(segments.profile.size, dtype=np.int64)
     _grow(
@@ -28,7 +28,6 @@ def grow(fan: Fan, segments: Segments, params: PatchParams, every: int) -> tuple
         params.tolerance_sigma,
         params.max_tilt,
         params.bridge_profiles,
-        every,
         owner,
     )
     return owner, _keep_large(segments, owner, params.min_points, params.min_profiles)
@@ -85,7 +84,6 @@ def _grow(
     tolerance: float,
     max_tilt: float,
     bridge: int,
-    every: int,
     owner: IntArray,
 ) -> None:
     profile, low, high = segments.profile, segments.slope_low, segments.slope_high
@@ -105,8 +103,8 @@ def _grow(
     for i in range(n):
         p = profile[i]
         joined = False
-        for back in range(every, every * bridge + 1, every):
-            if p - back < 0 or (joined and back > every):
+        for back in range(1, bridge + 1):
+            if p - back < 0 or (joined and back > 1):
                 break
             for j in range(first_of[p - back], first_of[p - back + 1]):
                 shared = min(high[i], high[j]) - max(low[i], low[j])

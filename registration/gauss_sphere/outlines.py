@@ -160,8 +160,8 @@ def _found_ends(
     label = patches.label
     rows, columns = label.shape
     step = profile_step_mm(fan)
-    planes, seen = planes_in_beams(fan, patches), np.flatnonzero(np.isfinite(fan.column_slope))
-    first, last = seen[0], seen[-1]
+    planes, known = planes_in_beams(fan, patches), np.flatnonzero(np.isfinite(fan.column_slope))
+    first, last = known[0], known[-1]
     pitch = (fan.column_slope[last] - fan.column_slope[first]) / max(last - first, 1)
     n, room = 0, 1024
     point, beyond = np.empty((room, 3)), np.empty((room, 3))

@@ -41,9 +41,7 @@ class PatchParams:
     gate_sigma: points farther from their plane lose their label.
     fit_rounds: Gauss-Newton steps of a fit on all points, one at least, after one on a sample.
     edge_pixels: points at both ends of a segment that are left out: the laser spot lies across.
-    bias_step_mm: the pieces by whose tilt the bias is known are found on profiles at least so far
-        apart, where there are more; bias_rounds: turns in which a piece and its bias settle, on a
-        sample of its points.
+    bias_rounds: turns in which a plane and its bias settle, on a sample of its points.
     """
 
     join_gain: float = 25.0
@@ -55,7 +53,6 @@ class PatchParams:
     gate_sigma: float = 3.5
     fit_rounds: int = 2
     edge_pixels: int = 1
-    bias_step_mm: float = 7.5
     bias_rounds: int = 2
 
 

@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from registration.gauss_sphere.appeal import appealed
-from registration.gauss_sphere.beams import Fan, fan_of, profile_step_mm
+from registration.gauss_sphere.beams import Fan, fan_of
 from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import is_weak, judge, refuted, sliding, transforms
@@ -29,7 +29,7 @@ from registration.result import RegistrationResult
 from registration.scan import Scan
 
 ONE_DIRECTION_RAD = 0.1
-FARTHEST_MM, NOTHING_MM = 0.9e5, 1e-6
+FARTHEST_MM, NEAREST_MM = 0.9e5, 10.0
 UNCALIBRATED = (
     "no calibration was given: the bias of the sensor stays in the scans, the pose is the less "
     "accurate for it, and errors may be larger than the covariance says"
@@ -66,17 +66,10 @@ def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan,
     how = params.patches
     fan = measured
     if known.given:
-        every = _looked_at(measured, how.bias_step_mm)
-        pieces = grown(measured, find_segments(measured, params.segments, every), how, every)
+        pieces = grown(measured, find_segments(measured, params.segments), how)
         fan = straightened(measured, pieces, known, how.bias_rounds)
     points = grown(fan, find_segments(fan, params.segments), how)
     return fan, fit_patches(fan, points, how, known, measured.depth_mm)
-
-
-def _looked_at(fan: Fan, step_mm: float) -> int:
-    """Of how many profiles one is, where those that are looked at lie step_mm apart or more."""
-    apart_mm = max(1e-9, abs(profile_step_mm(fan)))
-    return max(1, int(min(fan.x_mm.size, step_mm / apart_mm)))
 
 
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
@@ -183,12 +176,12 @@ def _marks(target: View, source: View) -> tuple[str, ...]:
         fan = view.fan
         depth_mm = fan.depth_mm + fan.apex_mm[2]
         aside_mm = fan.slope * fan.depth_mm + fan.apex_mm[1]
-        zeros = np.count_nonzero((abs(depth_mm) < NOTHING_MM) & (abs(aside_mm) < NOTHING_MM))
+        zeros = np.count_nonzero((abs(depth_mm) < NEAREST_MM) & (abs(aside_mm) < NEAREST_MM))
         far = np.count_nonzero(depth_mm > FARTHEST_MM)
         if zeros:
             notes.append(
                 f"{zeros} of {np.isfinite(depth_mm).sum()} points of the {name} scan lie at "
-                "Y = Z = 0, in the sensor: where nothing returned, give NaN"
+                "Y = Z = 0, as zeros do: where nothing returned, give NaN"
             )
         if far:
             notes.append(

@@ -32,21 +32,18 @@ def grouped(
     n_patches: int,
     depth_mm: FloatArray,
     edge_pixels: int,
-    every: int,
 ) -> Grouped:
     """Gather the measured points of each patch from its segments.
 
     owner: (n,) the patch of each segment, -1 for none.  edge_pixels: points at both ends of a
-    segment that are left out.  every: a segment stands for so many profiles, its own and those that
-    follow.
+    segment that are left out.
     """
-    first, last, rows = segments.first + edge_pixels, segments.last - edge_pixels, len(depth_mm)
-    start = np.zeros(n_patches + 1, np.int64)
+    first, last = segments.first + edge_pixels, segments.last - edge_pixels
+    row, start = segments.profile, np.zeros(n_patches + 1, np.int64)
     for i in range(owner.size):
         if owner[i] >= 0:
-            for p in range(segments.profile[i], min(segments.profile[i] + every, rows)):
-                for u in range(first[i], last[i] + 1):
-                    start[owner[i] + 1] += np.isfinite(depth_mm[p, u])
+            for u in range(first[i], last[i] + 1):
+                start[owner[i] + 1] += np.isfinite(depth_mm[row[i], u])
     for i in range(n_patches):
         start[i + 1] += start[i]
     filled = start[:-1].copy()
@@ -54,12 +51,11 @@ def grouped(
     for i in range(owner.size):
         if owner[i] < 0:
             continue
-        n = filled[owner[i]]
-        for p in range(segments.profile[i], min(segments.profile[i] + every, rows)):
-            for u in range(first[i], last[i] + 1):
-                if np.isfinite(depth_mm[p, u]):
-                    profile[n], place[n] = p, p * depth_mm.shape[1] + u
-                    n += 1
+        p, n = row[i], filled[owner[i]]
+        for u in range(first[i], last[i] + 1):
+            if np.isfinite(depth_mm[p, u]):
+                profile[n], place[n] = p, p * depth_mm.shape[1] + u
+                n += 1
         filled[owner[i]] = n
     return Grouped(start, profile, place)
 

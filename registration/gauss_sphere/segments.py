@@ -32,8 +32,8 @@ class Segments(NamedTuple):
     sums: FloatArray
 
 
-def find_segments(fan: Fan, params: SegmentParams, every: int = 1) -> Segments:
-    """Cut one of every so many profiles into the straight pieces that its noise can tell apart."""
+def find_segments(fan: Fan, params: SegmentParams) -> Segments:
+    """Cut every profile into the straight pieces that its noise can tell apart."""
     n_profiles, n_pixels = fan.depth_mm.shape
     capacity = n_profiles * (n_pixels // params.min_points + 1)
     table = np.empty((capacity, 4), dtype=np.int64)
@@ -45,7 +45,6 @@ def find_segments(fan: Fan, params: SegmentParams, every: int = 1) -> Segments:
         params.min_points,
         params.split_gain,
         params.tolerance_sigma,
-        every,
         table,
         numbers,
     )
@@ -194,7 +193,6 @@ def _segment_profiles(
     least: int,
     split_gain: float,
     tolerance: float,
-    every: int,
     table: IntArray,
     numbers: FloatArray,
 ) -> int:
@@ -203,7 +201,7 @@ def _segment_profiles(
     sums, best_of = np.zeros((n_pixels + 1, 6)), np.empty((n_pixels + 2, 2), np.int64)
     stack = np.empty((2 * n_pixels + 4, 2), np.int64)
     found = 0
-    for p in range(0, n_profiles, every):
+    for p in range(n_profiles):
         depth, slope, sigma = fan.depth_mm[p], fan.slope[p], fan.sigma_mm[p]
         m = _running_sums(depth, slope, sigma, cliff, index, sums)
         start = 0

@@ -6,7 +6,7 @@ import numpy as np
 
 from registration.gauss_sphere.outlines import Ends, Outlines, as_ends, ends_of
 from registration.gauss_sphere.params import OutlineParams
-from registration.gauss_sphere.view import PATCH, SEEN, Seen, View, beams_at
+from registration.gauss_sphere.view import DEPTH, PATCH, Seen, View, beams_at
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
@@ -21,6 +21,7 @@ def is_doubtful(
 ) -> bool:
     """Whether some ends of faces, which cost little to ask, speak against a pose.
 
+    Where they do not, denied_share need not be asked.
     r: (3, 3), t: (3,) in mm, p_target = R p_source + t.
     """
     how = params.off_mm, params.on_mm, params.behind_mm
@@ -40,6 +41,7 @@ def denied_share(
     """Of what two views say of each other's outlines under a pose, the share that denies it.
 
     It is 0 where too little is said.
+    r: (3, 3), t: (3,) in mm, p_target = R p_source + t.  outlines: of target and source.
     """
     ends = as_ends(outlines[0]), as_ends(outlines[1])
     confirmed, denied = said(r, t, target, source, ends, ANY_WAY, params)
@@ -111,10 +113,10 @@ def _said_of_some(
 @compiled
 def _cell_mm(view: View) -> float:
     """How far apart neighbouring points of a view are: profiles, or pixels where it sees planes."""
-    slope, seen = view.fan.column_slope, np.flatnonzero(np.isfinite(view.fan.column_slope))
-    if seen.size == 0 or view.seen.sample_area.size == 0:
+    slope, pixel = view.fan.column_slope, np.flatnonzero(np.isfinite(view.fan.column_slope))
+    if pixel.size == 0 or view.seen.sample_area.size == 0:
         return 0.0
-    pitch = abs(slope[seen[-1]] - slope[seen[0]]) / max(seen[-1] - seen[0], 1)
+    pitch = abs(slope[pixel[-1]] - slope[pixel[0]]) / max(pixel[-1] - pixel[0], 1)
     depth = view.seen.sample_mm[:, 2].mean() - view.seen.apex_z_mm
     return float(max(abs(view.seen.step_mm), pitch * depth))
 
@@ -179,6 +181,6 @@ def _what_is_at(
             away = n0 * points[0, j] + n1 * points[1, j] + n2 * points[2, j] - seen.offset_mm[i]
             if like and abs(away) < on_mm:
                 word[j] = ON
-        if word[j] == UNKNOWN and seen.image[beam[j], SEEN] > points[3, j] + behind:
+        if word[j] == UNKNOWN and seen.image[beam[j], DEPTH] > points[3, j] + behind:
             word[j] = FREE
     return word

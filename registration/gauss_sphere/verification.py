@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.params import VerificationParams
-from registration.gauss_sphere.view import NEAREST, PATCH, SEEN, Seen, View, beams_at
+from registration.gauss_sphere.view import DEPTH, NEAREST, PATCH, Seen, View, beams_at
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
@@ -127,7 +127,7 @@ def _compare(
             + normal[on, 1] * turned[k, 1]
             + normal[on, 2] * turned[k, 2]
         )
-        says = HIDDEN if z > image[b, SEEN] + tolerance else OUTSIDE
+        says = HIDDEN if z > image[b, DEPTH] + tolerance else OUTSIDE
         says = CONTRADICTION if z + how.free_space_mm + tolerance < image[b, NEAREST] else says
         supports = (i >= 0) & (abs(away) < tolerance) & (cos > how.cos_tolerance)
         says = SUPPORT if supports else says

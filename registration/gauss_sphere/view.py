@@ -14,7 +14,7 @@ from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
-SEEN, NEAREST, PATCH = range(3)  # columns of a view's image
+DEPTH, NEAREST, PATCH = range(3)  # columns of what a view saw
 GOLDEN_RATIO = 0.6180339887498949
 CELLS_PER_PIXEL = 8
 
@@ -55,7 +55,10 @@ class Seen(NamedTuple):
 
 
 class View(NamedTuple):
-    """A scan ready to be compared."""
+    """A scan ready to be compared.
+
+    fan: its beams; patches: the planes that it shows; seen: what comparisons need of both.
+    """
 
     fan: Fan
     patches: Patches
@@ -64,11 +67,11 @@ class View(NamedTuple):
 
 def view_of(fan: Fan, patches: Patches, params: VerificationParams) -> View:
     """Prepare a scan for verification."""
-    return _view_of(fan, patches, _places(min(params.samples, int(patches.n_points.sum()))))
+    return _view_of(fan, patches, _order(min(params.samples, int(patches.n_points.sum()))))
 
 
 @lru_cache(maxsize=8)
-def _places(n: int) -> IntArray:
+def _order(n: int) -> IntArray:
     """(n,) an order whose every stride is spread over the scan: multiples of the golden ratio."""
     place = np.empty(n, np.int64)
     place[np.argsort(np.arange(n) * GOLDEN_RATIO % 1.0, kind="stable")] = np.arange(n)
@@ -143,7 +146,7 @@ def _image(depth: FloatArray, label: IndexArray) -> NDArray[np.float32]:
             continue
         p = latest - 1
         for u in range(columns):
-            image[p, u, SEEN], image[p, u, PATCH] = depth[p, u], label[p, u]
+            image[p, u, DEPTH], image[p, u, PATCH] = depth[p, u], label[p, u]
             image[p, u, NEAREST] = min(min(beside[0, u], beside[1, u]), beside[2, u])
     return image.reshape(-1, 3)
 
@@ -173,7 +176,8 @@ def _slope_table(column_slope: FloatArray) -> tuple[IntArray, float, float]:
 def beams_at(seen: Seen, points: FloatArray, beam: IntArray) -> None:
     """The beam (n,), out, that passes nearest to each point, -1 for none.
 
-    points: (4, n) x, y and z in mm, and depth as the profile through the point sees it, out.
+    points: (4, n or more) x, y and z in mm, and depth as the profile through the point sees it,
+    out.
     """
     pixel_of, profiles, pixels = seen.pixel_of, seen.profiles, seen.pixels
     first, step, low, scale = seen.first_mm, seen.step_mm, seen.slope_low, seen.cells_per_slope

@@ -63,14 +63,19 @@ def test_marks_of_no_return_are_named_where_no_answer_is_found(mark_mm: float) -
     assert "NaN" in result.notes[2]
 
 
-def test_zeros_in_place_of_no_return_are_named_where_no_answer_is_found() -> None:
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_zeros_in_place_of_no_return_are_named_where_no_answer_is_found(
+    calibrated: bool, tmp_path: Path
+) -> None:
     points_mm = np.zeros((20, 64, 3))
     points_mm[:, :, 0] = 5.0 * np.arange(20)[:, None]
     scan = Scan.from_points(points_mm, 5.0, apex_mm=(0.0, 0.0, -60.0))
-    result = register(scan, scan)
+    params = calibration(1.0, tmp_path) if calibrated else GaussSphereParams()
+    result = register(scan, scan, params=params)
     assert result.status != "ok"
-    assert result.notes[1].startswith("1280 of 1280 points of the target scan lie at Y = Z = 0")
-    assert "NaN" in result.notes[2]
+    target, source = result.notes[-2:]
+    assert target.startswith("1280 of 1280 points of the target scan lie at Y = Z = 0")
+    assert "NaN" in source
 
 
 @pytest.mark.parametrize("seed", SEEDS)
