@@ -78,8 +78,8 @@ def _fit_planes(
     min_points: int,
 ) -> Patches:
     """Points farther off than gate standard deviations get no label."""
-    n_patches = points.start.size - 1
-    start, place, depth = points.start, points.place, fan.depth_mm.reshape(-1)
+    n_patches = points.start.size
+    start, end, place, depth = points.start, points.end, points.place, fan.depth_mm.reshape(-1)
     area_per_beam = _beam_area(fan)
     kept = np.zeros(place.size, np.bool_)
     planes, moments = np.zeros((n_patches, 4)), np.zeros((n_patches, 8))
@@ -88,7 +88,7 @@ def _fit_planes(
     g, area = np.zeros((3, 4)), np.zeros(n_patches)
     least = max(min_points, 4)
     for i in range(n_patches):
-        a, b = start[i], start[i + 1]
+        a, b = start[i], end[i]
         if b - a < least:
             continue
         beams = beams_of(fan, measured, points, i)
@@ -118,7 +118,7 @@ def _fit_planes(
     for i in range(n_patches):
         if renumber[i] < 0:
             continue
-        for j in range(start[i], start[i + 1]):
+        for j in range(start[i], end[i]):
             if kept[j]:
                 of_point[place[j]] = renumber[i]
     counted = moments[order]

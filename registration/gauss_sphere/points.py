@@ -16,11 +16,12 @@ from registration.scan import FloatArray, IndexArray, IntArray
 class Grouped(NamedTuple):
     """Where the points (n,) of the patches of a scan are, patch by patch.
 
-    start: (patches + 1,) the first point of each patch, and where the last one ends.  profile: (n,)
+    start, end: (patches,) the first point of each patch, and that after its last.  profile: (n,)
     of each point; place: (n,) its index in the scan, profile by profile.
     """
 
     start: IntArray
+    end: IntArray
     profile: IndexArray
     place: IndexArray
 
@@ -39,31 +40,31 @@ def grouped(
     segment that are left out.
     """
     first, last = segments.first + edge_pixels, segments.last - edge_pixels
-    row, start = segments.profile, np.zeros(n_patches + 1, np.int64)
+    row, end = segments.profile, np.zeros(n_patches, np.int64)
     for i in range(owner.size):
         if owner[i] >= 0:
-            for u in range(first[i], last[i] + 1):
-                start[owner[i] + 1] += np.isfinite(depth_mm[row[i], u])
-    for i in range(n_patches):
-        start[i + 1] += start[i]
-    filled = start[:-1].copy()
-    profile, place = np.empty(start[-1], np.int32), np.empty(start[-1], np.int32)
+            end[owner[i]] += max(last[i] + 1 - first[i], 0)
+    # There is room for a point of every pixel; those where nothing returned leave theirs.
+    n = end.sum()
+    end = np.cumsum(end) - end
+    start = end.copy()
+    profile, place = np.empty(n, np.int32), np.empty(n, np.int32)
     for i in range(owner.size):
         if owner[i] < 0:
             continue
-        p, n = row[i], filled[owner[i]]
+        p, n = row[i], end[owner[i]]
         for u in range(first[i], last[i] + 1):
             if np.isfinite(depth_mm[p, u]):
                 profile[n], place[n] = p, p * depth_mm.shape[1] + u
                 n += 1
-        filled[owner[i]] = n
-    return Grouped(start, profile, place)
+        end[owner[i]] = n
+    return Grouped(start, end, profile, place)
 
 
 @compiled
 def beams_of(fan: Fan, measured: FloatArray, points: Grouped, i: int) -> FloatArray:
     """(5, n) position, slope, depth, standard deviation and measured depth of a patch's points."""
-    first, beams = points.start[i], np.empty((5, points.start[i + 1] - points.start[i]))
+    first, beams = points.start[i], np.empty((5, points.end[i] - points.start[i]))
     slope, depth, sigma = fan.slope.reshape(-1), fan.depth_mm.reshape(-1), fan.sigma_mm.reshape(-1)
     all_measured = measured.reshape(-1)
     for j in range(beams.shape[1]):

@@ -62,14 +62,12 @@ def find_segments(fan: Fan, params: SegmentParams) -> Segments:
 @compiled
 def _line_rss(sums: FloatArray, a: int, b: int) -> float:
     """Chi-square of the best line through points a..b-1, from running sums."""
-    s = sums[b, 1] - sums[a, 1]
-    q = sums[b, 3] - sums[a, 3]
-    per_weight = 1.0 / (sums[b, 0] - sums[a, 0])
-    var_s = sums[b, 2] - sums[a, 2] - s * s * per_weight
-    cov = sums[b, 4] - sums[a, 4] - s * q * per_weight
-    rss = sums[b, 5] - sums[a, 5] - q * q * per_weight
-    if var_s > 0.0:
-        rss -= cov * cov / var_s
+    w, s, q = sums[b, 0] - sums[a, 0], sums[b, 1] - sums[a, 1], sums[b, 3] - sums[a, 3]
+    # Variance of s, and covariance of s and q, times w^2: dividing once costs half.
+    spread = w * (sums[b, 2] - sums[a, 2]) - s * s
+    shared = w * (sums[b, 4] - sums[a, 4]) - s * q
+    explained = (q * q * spread + shared * shared) / (w * spread) if spread > 0.0 else q * q / w
+    rss = sums[b, 5] - sums[a, 5] - explained
     return rss if rss > 0.0 else 0.0
 
 

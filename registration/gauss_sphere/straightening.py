@@ -48,24 +48,30 @@ def _straighten(
     depth: FloatArray,
     sigma: FloatArray,
 ) -> None:
-    plane, place = np.zeros(4), points.place
+    plane, place, start, end = np.zeros(4), points.place, points.start, points.end
     all_depth, all_sigma = depth.reshape(-1), sigma.reshape(-1)
-    for i in range(points.start.size - 1):
-        beams, first = beams_of(fan, fan.depth_mm, points, i), points.start[i]
-        if beams.shape[1] < 4:
-            continue
-        _settled_plane(sample_of(beams), fan.lean, fan.apex_mm[2], known, turns, plane)
-        take_bias_and_noise(beams, plane, fan.apex_mm[2], known)
+    foretold, total = np.empty(place.size), (end - start).sum()
+    step = max(total // SCALE_SAMPLE, 1)
+    ratio, n, due = np.empty(total // step + 1), 0, 0
+    for i in range(start.size):
+        beams, first = beams_of(fan, fan.depth_mm, points, i), start[i]
+        if beams.shape[1] >= 4:
+            _settled_plane(sample_of(beams), fan.lean, fan.apex_mm[2], known, turns, plane)
+            take_bias_and_noise(beams, plane, fan.apex_mm[2], known)
         for j in range(beams.shape[1]):
             all_depth[place[first + j]] = beams[DEPTH, j]
-            all_sigma[place[first + j]] = beams[SIGMA, j]
-    if place.size == 0:
+            foretold[first + j] = beams[SIGMA, j]
+        while due < beams.shape[1]:
+            ratio[n] = all_sigma[place[first + due]] / beams[SIGMA, due]
+            n += 1
+            due += step
+        due -= beams.shape[1]
+    if n == 0:
         return
-    seen = fan.sigma_mm.reshape(-1)[place[:: max(place.size // SCALE_SAMPLE, 1)]]
-    foretold = all_sigma[place[:: max(place.size // SCALE_SAMPLE, 1)]]
-    scale = float(np.median(seen / foretold))
-    for j in place:
-        all_sigma[j] *= scale
+    scale = float(np.median(ratio[:n]))
+    for i in range(start.size):
+        for j in range(start[i], end[i]):
+            all_sigma[place[j]] = foretold[j] * scale
 
 
 @compiled

@@ -84,7 +84,7 @@ def fan_without_bias(view: View, model: Calibration) -> Fan:
     label = view.patches.label.ravel()
     place = np.argsort(label, kind="stable")[np.count_nonzero(label < 0) :].astype(np.int32)
     start = np.searchsorted(label[place], np.arange(view.patches.n_points.size + 1))
-    points = Grouped(start, place // np.int32(view.patches.label.shape[1]), place)
+    points = Grouped(start[:-1], start[1:], place // np.int32(view.patches.label.shape[1]), place)
     return straightened(view.fan, points, known_of(model), turns=3)
 
 

@@ -114,7 +114,10 @@ def test_points_of_one_profile_make_no_plane() -> None:
     place = 20 * fan.depth_mm.shape[1] + np.flatnonzero(np.isfinite(fan.depth_mm[20]))
     assert place.size > PatchParams().min_points
     points = Grouped(
-        np.array([0, place.size]), np.full(place.size, 20, np.int32), place.astype(np.int32)
+        np.zeros(1, np.int64),
+        np.array([place.size]),
+        np.full(place.size, 20, np.int32),
+        place.astype(np.int32),
     )
     fitted = fit_patches(fan, points, PatchParams())
     assert fitted.n_points.size == 0
