@@ -19,6 +19,8 @@ from registration.scan import FloatArray, IntArray
 
 DEPTH_NODES, NODES = 65, 513  # much finer than any calibration's own
 
+BLOCK = 512  # beams of a plane that are worked on at a time: they stay in the nearest memory
+
 # Rows of the beams of one plane, as the compiled loops take them: position of the profile, slope,
 # depth and its standard deviation as corrected, and the depth that was measured.
 X, SLOPE, DEPTH, SIGMA, MEASURED = range(5)
@@ -105,22 +107,26 @@ def take_bias_and_noise(
         take_bias(beams, plane, apex_z_mm, known)
         take_noise(beams, plane, apex_z_mm, known)
         return
-    value = np.empty(beams.shape[1])
-    there = _places(known.bias, beams[MEASURED], apex_z_mm, _tangents(beams[SLOPE], plane))
-    _read_at(known.bias, there, value)
-    _read_at(known.sigma, there, beams[SIGMA])
-    for j in range(value.size):
-        beams[DEPTH, j] = beams[MEASURED, j] - value[j]
+    for first in range(0, beams.shape[1], BLOCK):
+        depth, slope = beams[DEPTH, first : first + BLOCK], beams[SLOPE, first : first + BLOCK]
+        measured = beams[MEASURED, first : first + BLOCK]
+        there = _places(known.bias, measured, apex_z_mm, _tangents(slope, plane))
+        _read_at(known.bias, there, depth)
+        _read_at(known.sigma, there, beams[SIGMA, first : first + BLOCK])
+        for j in range(depth.size):
+            depth[j] = measured[j] - depth[j]
 
 
 @compiled
 def take_bias(beams: FloatArray, plane: FloatArray, apex_z_mm: float, known: Known) -> None:
     """Correct the depths of the beams (5, n) of one plane."""
-    value = np.empty(beams.shape[1])
-    at = beams[SLOPE] if known.lateral else _tangents(beams[SLOPE], plane)
-    look_up(known.bias, beams[MEASURED], apex_z_mm, at, value)
-    for j in range(value.size):
-        beams[DEPTH, j] = beams[MEASURED, j] - value[j]
+    for first in range(0, beams.shape[1], BLOCK):
+        depth, slope = beams[DEPTH, first : first + BLOCK], beams[SLOPE, first : first + BLOCK]
+        measured = beams[MEASURED, first : first + BLOCK]
+        at = slope if known.lateral else _tangents(slope, plane)
+        look_up(known.bias, measured, apex_z_mm, at, depth)
+        for j in range(depth.size):
+            depth[j] = measured[j] - depth[j]
 
 
 @compiled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.gauss_sphere.calibrated import DEPTH, SIGMA, SLOPE, Known, X, take_bias
+from registration.gauss_sphere.calibrated import BLOCK, DEPTH, SIGMA, SLOPE, Known, X, take_bias
 from registration.gauss_sphere.small_matrices import invert_symmetric3, solve_symmetric3
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray
@@ -135,31 +135,33 @@ def _normal_equations(
     g: FloatArray,
     moments: FloatArray,
 ) -> None:
-    terms = np.empty((5, kept.size))
-    _terms(beams, lean, plane, centre, e, f, gate, kept, terms)
+    terms = np.empty((5, min(kept.size, BLOCK)))
     w_, wa, wb, waa, wab, wbb, wr, war, wbr, wrr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     count, sa, sb, saa, sab, sbb, area = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(kept.size):
-        if not kept[j]:
-            continue
-        w, a, b, residual = terms[0, j], terms[1, j], terms[2, j], terms[3, j]
-        w_ += w
-        wa += w * a
-        wb += w * b
-        waa += w * a * a
-        wab += w * a * b
-        wbb += w * b * b
-        wr += w * residual
-        war += w * a * residual
-        wbr += w * b * residual
-        wrr += w * residual * residual
-        count += 1.0
-        sa += a
-        sb += b
-        saa += a * a
-        sab += a * b
-        sbb += b * b
-        area += terms[4, j]
+    for first in range(0, kept.size, BLOCK):
+        within = kept[first : first + BLOCK]
+        _terms(beams, first, lean, plane, centre, e, f, gate, within, terms)
+        for j in range(within.size):
+            if not within[j]:
+                continue
+            w, a, b, residual = terms[0, j], terms[1, j], terms[2, j], terms[3, j]
+            w_ += w
+            wa += w * a
+            wb += w * b
+            waa += w * a * a
+            wab += w * a * b
+            wbb += w * b * b
+            wr += w * residual
+            war += w * a * residual
+            wbr += w * b * residual
+            wrr += w * residual * residual
+            count += 1.0
+            sa += a
+            sb += b
+            saa += a * a
+            sab += a * b
+            sbb += b * b
+            area += terms[4, j]
     g[0, 0], g[0, 1], g[0, 2], g[0, 3] = waa, wab, -wa, -war
     g[1, 1], g[1, 2], g[1, 3] = wbb, -wb, -wbr
     g[2, 2], g[2, 3] = w_, wr
@@ -171,6 +173,7 @@ def _normal_equations(
 @compiled
 def _terms(
     beams: FloatArray,
+    first: int,
     lean: FloatArray,
     plane: FloatArray,
     centre: FloatArray,
@@ -180,21 +183,24 @@ def _terms(
     kept: BoolArray,
     terms: FloatArray,
 ) -> None:
-    """Weight, foot along e and along f, residual and area of beams (5, n); those within the gate.
+    """Weight, foot along e and along f, residual and area of beams from the first on.
 
     Apart from their sums, because this runs on vectors of points.
+    kept: (m,) out, of as many beams those within the gate.  terms: (5, m or more) out.
     """
     n0, n1, n2, offset = plane[0], plane[1], plane[2], plane[3]
     lean_y, lean_z = lean[0], lean[1]
     n_travel = n0 + n1 * lean_y + n2 * lean_z
     c0, c1, c2 = centre[0], centre[1], centre[2]
     e0, e1, e2, f0, f1, f2 = e[0], e[1], e[2], f[0], f[1], f[2]
-    gate2 = gate * gate
+    gate2, last = gate * gate, first + kept.size
+    xs, slopes, depths = beams[X, first:last], beams[SLOPE, first:last], beams[DEPTH, first:last]
+    sigmas = beams[SIGMA, first:last]
     for j in range(kept.size):
-        x, s, d = beams[X, j], beams[SLOPE, j], beams[DEPTH, j]
+        x, s, d = xs[j], slopes[j], depths[j]
         nb = n1 * s + n2
         residual = n_travel * x + nb * d - offset
-        deviation = beams[SIGMA, j] * nb
+        deviation = sigmas[j] * nb
         w = 1.0 / (deviation * deviation)
         kept[j] = (nb < 0.0) & (residual * residual * w <= gate2)
         across = 1.0 / nb
