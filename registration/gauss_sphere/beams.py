@@ -60,7 +60,9 @@ def fan_of(scan: Scan) -> Fan:
         column_slope=np.empty(shape[1]),
         lean=scan.travel[1:] / scan.travel[0],
     )
-    _take_beams(scan.points_mm, fan)
+    if _take_beams(scan.points_mm, fan) and scan.apex_mm is None:
+        fan.apex_mm[:] = 0.0, 0.0, -PARALLEL_APEX_MM
+        _take_beams(scan.points_mm, fan)
     constant, square = depth_noise(fan.depth_mm, fan.slope)
     _take_noise(fan, constant, square)
     return fan
@@ -74,7 +76,9 @@ def profile_step_mm(fan: Fan) -> float:
 
 
 @compiled
-def _take_beams(points: FloatArray, fan: Fan) -> None:
+def _take_beams(points: FloatArray, fan: Fan) -> int:
+    """Fill in the fan; returns how many points cannot be on its beams: they lie behind the apex."""
+    behind = 0
     sums, seen = np.zeros(points.shape[1]), np.zeros(points.shape[1])
     for p in range(points.shape[0]):
         x, n = 0.0, 0
@@ -90,10 +94,13 @@ def _take_beams(points: FloatArray, fan: Fan) -> None:
                 n += 1
                 sums[u] += slope
                 seen[u] += 1.0
+            elif depth <= 0.0:
+                behind += 1
         if n > 0:
             fan.x_mm[p] = x / n
     for u in range(points.shape[1]):
         fan.column_slope[u] = sums[u] / seen[u]  # NaN if never seen
+    return behind
 
 
 @compiled
@@ -145,10 +152,10 @@ def _apex(points: FloatArray, origins: FloatArray, stride: int) -> FloatArray:
 
 
 class _PixelLines(NamedTuple):
-    """Sums over the profiles of what each pixel measured, (pixels,), in mm.
+    """Sums over some profiles of what each pixel measured, (pixels,), in mm.
 
     n: number of points; mean_y, mean_z: their means; spread, shared: sums of dz^2 and dy dz about
-    them.  least_z: the least depth of all points.
+    them.  least_z: the least depth of these points.
     """
 
     n: FloatArray
@@ -161,20 +168,17 @@ class _PixelLines(NamedTuple):
 
 @compiled
 def _pixel_lines(points: FloatArray, origins: FloatArray, stride: int) -> _PixelLines:
-    """The lines of all pixels from every stride-th profile, the least depth from all."""
+    """The lines of all pixels, from every stride-th profile."""
     n_pixels = points.shape[1]
     n, first_y, first_z = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
     sum_y, sum_z, sum_zz, sum_yz = np.zeros((4, n_pixels))
     least_z = np.inf
-    for p in range(points.shape[0]):
-        for u in range(n_pixels):
-            z = points[p, u, 2] - origins[p, 2]
-            least_z = z if z < least_z else least_z
     for p in range(0, points.shape[0], stride):
         for u in range(n_pixels):
             y, z = points[p, u, 1] - origins[p, 1], points[p, u, 2] - origins[p, 2]
             if not np.isfinite(z):
                 continue
+            least_z = min(least_z, z)
             if n[u] == 0.0:
                 first_y[u], first_z[u] = y, z
             # About the first of a pixel's points, so that small spreads keep their digits.

@@ -52,7 +52,9 @@ def sample_of(beams: FloatArray) -> FloatArray:
     n = beams.shape[1]
     sample = np.empty((5, min(n, SAMPLE)))
     for k in range(sample.shape[1]):
-        sample[:, k] = beams[:, _sampled(k, n)]
+        j = _sampled(k, n)
+        for row in range(beams.shape[0]):
+            sample[row, k] = beams[row, j]
     return sample
 
 
@@ -109,8 +111,9 @@ def fit_plane(
         size = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
         e[0], e[1], e[2] = e[0] / size, e[1] / size, e[2] / size
         f[0], f[1], f[2] = n1 * e[2] - n2 * e[1], n2 * e[0] - n0 * e[2], n0 * e[1] - n1 * e[0]
-        _normal_equations(used, lean, plane, centre, e, f, gate, used_kept, g, moments)
-        if moments[0] < 4.0 or _narrow(moments):
+        outlined = turn == 0 or turn == rounds
+        _normal_equations(used, lean, plane, centre, e, f, gate, used_kept, outlined, g, moments)
+        if moments[0] < 4.0 or (outlined and _narrow(moments)):
             return False
         solve_symmetric3(g, step)
         for t in range(3):
@@ -132,9 +135,11 @@ def _normal_equations(
     f: FloatArray,
     gate: float,
     kept: BoolArray,
+    outlined: bool,
     g: FloatArray,
     moments: FloatArray,
 ) -> None:
+    """Fill in kept, g and moments as fit_plane gives them; not outlined, only their number."""
     terms = np.empty((5, min(kept.size, BLOCK)))
     w_, wa, wb, waa, wab, wbb, wr, war, wbr, wrr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     count, sa, sb, saa, sab, sbb, area = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -155,13 +160,18 @@ def _normal_equations(
             war += w * a * residual
             wbr += w * b * residual
             wrr += w * residual * residual
-            count += 1.0
-            sa += a
-            sb += b
-            saa += a * a
-            sab += a * b
-            sbb += b * b
-            area += terms[4, j]
+        count += within.sum()
+        if not outlined:
+            continue
+        for j in range(within.size):
+            if within[j]:
+                a, b = terms[1, j], terms[2, j]
+                sa += a
+                sb += b
+                saa += a * a
+                sab += a * b
+                sbb += b * b
+                area += terms[4, j]
     g[0, 0], g[0, 1], g[0, 2], g[0, 3] = waa, wab, -wa, -war
     g[1, 1], g[1, 2], g[1, 3] = wbb, -wb, -wbr
     g[2, 2], g[2, 3] = w_, wr
