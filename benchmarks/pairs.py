@@ -84,7 +84,7 @@ def entries(all_cores: bool) -> list[Entry]:
     if all_cores:
         cores = os.cpu_count() or 1
         peers = [peer._replace(params=replace(peer.params, threads=cores)) for peer in peers]
-    return own + [entry for entry in peers if _installed(entry)]
+    return own + peers
 
 
 def _installed(entry: Entry) -> bool:
@@ -141,6 +141,7 @@ def main() -> None:
         for entry in entries(options.all_cores)
         if not options.methods or any(word in entry.label for word in options.methods)
     ]
+    chosen = [entry for entry in chosen if entry.method not in PEERS or _installed(entry)]
     for profiles in options.profiles:
         found = pairs(options.pairs, profiles, options.seed)
         measured = {entry: measure(entry, found, options.repeats) for entry in chosen}

@@ -83,7 +83,7 @@ def curve_table(rows: pd.DataFrame) -> Table:
     return Table(
         "curves",
         "Success against the tolerance",
-        "The points of the figure success.png, with Wilson's 95 % interval.",
+        "The points of the figure random_success.png, with Wilson's 95 % interval.",
         pd.DataFrame(records),
         {"Pairs": "d", "Within (deg)": ".3g", "and (mm)": ".3g"} | formats,
     )

@@ -73,7 +73,15 @@ def register(
 
     params: an instance of the method's params_type; its defaults when None.
     A pair that cannot be registered comes back with status and reason; only a method that is
-    unknown or misconfigured raises.
+    unknown or misconfigured raises: UnknownMethodError, or TypeError for params of another type.
     """
     chosen = find_method(method)
-    return chosen.function(target, source, chosen.params_type() if params is None else params)
+    if params is None:
+        params = chosen.params_type()
+    if ":" not in method and not isinstance(params, chosen.params_type):
+        kind = chosen.params_type
+        raise TypeError(
+            f"params of method {method!r} are of type {type(params).__name__}; expected "
+            f"{kind.__name__} of {kind.__module__}"
+        )
+    return chosen.function(target, source, params)

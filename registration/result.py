@@ -36,7 +36,9 @@ class RegistrationResult:
         does not say. Methods of this package use STAGES.
     covariance: (6, 6) of (rotation vector rad, translation mm), a perturbation applied on the left
         of T_target_source (in the target frame), or None when the method does not estimate it.
-    undetermined: (k, 6) unit directions of the same coordinates that the scans leave open.
+    undetermined: (k, 6) directions of the same coordinates that the scans leave open, of length 1
+        in rad and mm together: they are about the target's origin, so an open turn about a far axis
+        is mostly mm. The reason says of each what it is, about the middle of the matched surface.
     candidates: runners-up, best first.
     stage_ms: wall time of each stage.
     evidence: intermediate results by name, for figures and diagnosis; never needed for the answer.

@@ -202,7 +202,7 @@ class BendingParams:
     close_mm: float = 8.0
     least_mm: float = 0.1
     flat_to_mm: float = 0.05
-    sure: float = 3.5
+    sure: float = 4.0
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import sys
 import time
 from pathlib import Path
@@ -20,7 +21,7 @@ from harness.scoring import exact_pose, pose_error
 from harness.session import open_session
 from harness.sweep_schema import Design
 from harness.trials import build_trials
-from registration import Scan
+from registration import GaussSphereParams, Scan, register
 from registration.calibration import read_calibration
 from scenes import SCENES
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes
@@ -105,6 +106,21 @@ def test_a_calibration_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     # A turn taken the wrong way round would leave tens of mm, an uncorrected bulge several.
     assert calibration.rms_mm["uncorrected"] < 6.0
     assert calibration.rms_mm["incidence"] < 0.6 * calibration.rms_mm["uncorrected"]
+
+
+def test_a_calibration_goes_to_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(ROOT / "configs" / "calibration" / "jupiter.json", "calibration.json")
+    (call,) = re.findall(r"`(register\(.*GaussSphereParams.*?\)\))`", README)
+    sensor, scene = Jupiter(JupiterParams()), separated_planes(SeparatedPlanesParams())
+    target, source = (
+        sensor.scan(scene, view(yaw_deg), np.random.default_rng(seed))
+        for yaw_deg, seed in ((8.0, 1), (-8.0, 2))
+    )
+    names = {"register": register, "GaussSphereParams": GaussSphereParams}
+    result = eval(call, names | {"target": target, "source": source})
+    assert result.status == "ok", result.reason
+    assert not result.notes
 
 
 def test_a_method_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 
 from registration import METHODS, RegistrationResult, Scan, register
@@ -53,3 +54,9 @@ def test_every_method_has_parameters_with_defaults(name: str) -> None:
 def test_what_warms_the_kernels_up_goes_through_every_stage_of_the_thesis() -> None:
     result = register(corner_scan(), corner_scan(), "thesis")
     assert result.status == "ok"
+
+
+def test_parameters_of_another_type_are_named() -> None:
+    scan = Scan.from_points(np.full((5, 8, 3), np.nan), step_mm=5.0)
+    with pytest.raises(TypeError, match="of type dict; expected GaussSphereParams of registration"):
+        register(scan, scan, params={"calibration": ""})
