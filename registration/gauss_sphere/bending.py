@@ -25,9 +25,9 @@ from registration.scan import FloatArray, IntArray
 # the depths that are to be explained.
 TAKEN_OUT, LATERAL, DEPTHS = 3, 4, 5
 PIVOT = 1e-9  # of a diagonal: below it, columns say the same
-# Mean square, in units of the noise, of what a bias leaves of a plane that it bends, and standard
-# deviations by which a plane that leaves more contradicts the others.
-MISFIT, CONTRADICTED = 1.5, 3.0
+# Mean square, in units of the noise, of what a bias may leave of a plane that it bends. With a
+# calibration, two faces grown to one plane are the likelier explanation of more.
+MISFIT = 1.5
 PARABOLA_MM, AT_MM = 100.0, 1000.0  # depth by squared slope, at this depth: 5 mm over 13 degrees
 
 
@@ -116,8 +116,7 @@ def _bending(
     found = np.zeros((2, 2))
     for shape in range(2):
         column = TAKEN_OUT + shape
-        values, inverses, misfits = np.empty((3, count.size))
-        n = 0
+        values, inverses, n = np.empty(count.size), np.empty(count.size), 0
         for g in range(count.size):
             if count[g] < least_points or not told[g]:
                 continue
@@ -126,35 +125,14 @@ def _bending(
             if across <= least_mm * least_mm * weight[g]:
                 continue
             left = sums[g, DEPTHS, DEPTHS] - shared * shared / across
-            misfits[n] = left / (count[g] - 4.0)
+            misfit = left / (count[g] - 4.0)
+            if known.given and misfit > MISFIT:
+                continue
             values[n] = shared / across
-            noise = max(misfits[n], 1.0) + flat_to_mm * flat_to_mm * weight[g]
-            inverses[n] = across / noise
+            inverses[n] = across / (max(misfit, 1.0) + flat_to_mm * flat_to_mm * weight[g])
             n += 1
-        if known.given:
-            found[shape] = _agreed(values[:n], inverses[:n], misfits[:n])
-        else:
-            found[shape] = _mean(values[:n], inverses[:n])
+        found[shape] = _mean(values[:n], inverses[:n])
     return Bending(found[0, 0], found[0, 1], found[1, 0], found[1, 1], most_mm)
-
-
-@compiled
-def _agreed(values: FloatArray, inverses: FloatArray, misfits: FloatArray) -> tuple[float, float]:
-    """Mean and deviation of what planes say, without one that the others contradict.
-
-    Two faces grown to one plane look bent, and leave much when the bias is taken out. With a
-    calibration that is likelier than a bias: the plane that says the most goes if it leaves much,
-    and what it says is beyond doubt not what the others do.
-    """
-    mean, deviation = _mean(values, inverses)
-    if values.size < 2:
-        return mean, deviation
-    most = np.argmax(mean * values * inverses)
-    others = np.arange(values.size) != most
-    without, its_deviation = _mean(values[others], inverses[others])
-    apart2 = (values[most] - without) ** 2 / (its_deviation**2 + 1.0 / inverses[most])
-    left_out = misfits[most] > MISFIT and apart2 > CONTRADICTED**2
-    return (without, its_deviation) if left_out else (mean, deviation)
 
 
 @compiled
