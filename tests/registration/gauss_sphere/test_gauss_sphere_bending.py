@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair
+from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair, plates_from, scan_plates
 
 from registration import RegistrationResult, Scan, register
 from registration.calibration import Calibration, Table
 from registration.gauss_sphere import pipeline
 from registration.gauss_sphere.bending import PARABOLA_MM, bending, doubted
-from registration.gauss_sphere.calibrated import NOTHING_KNOWN
+from registration.gauss_sphere.calibrated import NOTHING_KNOWN, read_known
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.pipeline import describe
 
 SEEDS = (1, 2, 3)
 DEPTH_MM, SLOPE = np.linspace(100.0, 1500.0, 57), np.linspace(-0.3, 0.3, 61)
@@ -76,6 +77,25 @@ def test_zeros_in_place_of_no_return_are_named_where_no_answer_is_found(
     target, source = result.notes[-2:]
     assert target.startswith("1280 of 1280 points of the target scan lie at Y = Z = 0")
     assert "NaN" in source
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_shallow_roofs_do_not_speak_against_the_right_calibration(
+    seed: int, tmp_path: Path
+) -> None:
+    """Two faces that meet at four degrees are taken for one bent plane, which no bias bends so."""
+    rng, tilt, params = np.random.default_rng(seed), np.radians(2.0), calibration(1.0, tmp_path)
+    sides, middles_mm = (-1.0, 1.0), ((60.0, 800.0), (220.0, 900.0))
+    normals = [[0.0, s * np.sin(tilt), -np.cos(tilt)] for _ in middles_mm for s in sides]
+    centres_mm = [[x, s * 75.0, z + 75.0 * np.tan(tilt)] for x, z in middles_mm for s in sides]
+    roofs = plates_from(np.array(normals), np.array(centres_mm), np.array([[60.0, 75.0]] * 4))
+    target, source = (
+        describe(bulged(scan_plates(roofs, noise=0.1, rng=rng), 1.0), params) for _ in range(2)
+    )
+    found = bending(target, source, read_known(params.calibration), params.bending)
+    assert abs(found.lateral) <= params.bending.sure * found.lateral_deviation
+    blind = bending(target, source, NOTHING_KNOWN, params.bending)
+    assert abs(blind.lateral) > params.bending.sure * blind.lateral_deviation
 
 
 @pytest.mark.parametrize("seed", SEEDS)
