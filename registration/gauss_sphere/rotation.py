@@ -12,6 +12,8 @@ from registration.gauss_sphere.patches import Patches
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
+BLOCK = 256  # rotations that are looked at together
+
 
 class GaussSphere(NamedTuple):
     """Directions of the patches, those that the threshold cannot tell apart merged into one.
@@ -67,21 +69,12 @@ def rotation_candidates(
     Returns (c, 3, 3) rotations R with n_target = R n_source, and (c,) the area in mm^2 whose
     directions then agree, best first; candidates closer together than params.distinct_rad are one.
     """
-    a, b = target.direction[: params.directions], source.direction[: params.directions]
+    few, overlap = params.directions, float(np.cos(params.overlap_tolerance_rad))
+    a, b = target.direction[:few], source.direction[:few]
     rotations = np.empty((params.capacity, 3, 3))
-    scores = np.empty(params.capacity)
-    n = _candidates(
-        a,
-        target.weight[: params.directions],
-        b,
-        source.weight[: params.directions],
-        params.least_angle_rad,
-        params.angle_tolerance_rad,
-        params.overlap_tolerance_rad,
-        rotations,
-        scores,
-    )
-    order = np.argsort(-scores[:n], kind="stable")
+    n = _candidates(a, b, params.least_angle_rad, params.angle_tolerance_rad, rotations)
+    scores = _overlaps(a, target.weight[:few], b, source.weight[:few], rotations[:n], overlap)
+    order = np.argsort(-scores, kind="stable")
     kept = np.empty(params.kept, dtype=np.int64)
     k = _distinct(rotations, order, 2.0 * np.cos(params.distinct_rad) + 1.0, kept)
     return rotations[kept[:k]], scores[kept[:k]]
@@ -89,23 +82,16 @@ def rotation_candidates(
 
 @compiled
 def _candidates(
-    a: FloatArray,
-    weight_a: FloatArray,
-    b: FloatArray,
-    weight_b: FloatArray,
-    least: float,
-    tolerance: float,
-    overlap: float,
-    rotations: FloatArray,
-    scores: FloatArray,
+    a: FloatArray, b: FloatArray, least: float, tolerance: float, rotations: FloatArray
 ) -> int:
+    """Rotations (n or more, 3, 3), out, and how many they are."""
     n = 0
-    frame_a, frame_b = np.empty((3, 3)), np.empty((3, 3))
-    cos_overlap = np.cos(overlap)
+    frame_a, frame_b = np.empty((3, 3)), np.empty((b.shape[0], b.shape[0], 3, 3))
     angle_b = np.empty((b.shape[0], b.shape[0]))
     for k in range(b.shape[0]):
         for m in range(b.shape[0]):
             angle_b[k, m] = _angle(b[k], b[m])
+            _frame(b[k], b[m], frame_b[k, m])
     for i in range(a.shape[0]):
         for j in range(i + 1, a.shape[0]):
             angle = _angle(a[i], a[j])
@@ -118,16 +104,14 @@ def _candidates(
                         continue
                     if n == rotations.shape[0]:
                         return n
-                    _frame(b[k], b[m], frame_b)
-                    r = rotations[n]
+                    f, r = frame_b[k, m], rotations[n]
                     for u in range(3):
                         for v in range(3):
                             r[u, v] = (
-                                frame_a[0, u] * frame_b[0, v]
-                                + frame_a[1, u] * frame_b[1, v]
-                                + frame_a[2, u] * frame_b[2, v]
+                                frame_a[0, u] * f[0, v]
+                                + frame_a[1, u] * f[1, v]
+                                + frame_a[2, u] * f[2, v]
                             )
-                    scores[n] = _overlap(a, weight_a, b, weight_b, r, cos_overlap)
                     n += 1
     return n
 
@@ -156,25 +140,38 @@ def _frame(a: FloatArray, b: FloatArray, frame: FloatArray) -> None:
 
 
 @compiled
-def _overlap(
+def _overlaps(
     a: FloatArray,
     weight_a: FloatArray,
     b: FloatArray,
     weight_b: FloatArray,
-    r: FloatArray,
+    rotations: FloatArray,
     cos_overlap: float,
-) -> float:
-    """Area of directions that agree after the rotation, each target direction served once."""
-    total = 0.0
-    for k in range(b.shape[0]):
-        x = r[0, 0] * b[k, 0] + r[0, 1] * b[k, 1] + r[0, 2] * b[k, 2]
-        y = r[1, 0] * b[k, 0] + r[1, 1] * b[k, 1] + r[1, 2] * b[k, 2]
-        z = r[2, 0] * b[k, 0] + r[2, 1] * b[k, 1] + r[2, 2] * b[k, 2]
-        best = 0.0
-        for i in range(a.shape[0]):
-            if x * a[i, 0] + y * a[i, 1] + z * a[i, 2] > cos_overlap:
-                best = max(best, min(weight_a[i], weight_b[k]))
-        total += best
+) -> FloatArray:
+    """(n,) area of directions that agree after each rotation.
+
+    weight_a: falling. Each source direction is served once, by the heaviest that it meets.
+    """
+    total, turned = np.zeros(rotations.shape[0]), np.empty((3, 3, BLOCK))
+    met, area = np.empty((3, BLOCK)), np.empty(BLOCK)
+    for first in range(0, total.size, BLOCK):
+        n = min(BLOCK, total.size - first)
+        for c in range(n):
+            turned[:, :, c] = rotations[first + c]
+        for k in range(b.shape[0]):
+            for u in range(3):
+                of_x, of_y, of_z = turned[u, 0], turned[u, 1], turned[u, 2]
+                for c in range(n):
+                    met[u, c] = of_x[c] * b[k, 0] + of_y[c] * b[k, 1] + of_z[c] * b[k, 2]
+            area[:] = 0.0
+            # The heaviest comes last: this runs on vectors of rotations.
+            for i in range(a.shape[0] - 1, -1, -1):
+                x, y, z, shared = a[i, 0], a[i, 1], a[i, 2], min(weight_a[i], weight_b[k])
+                for c in range(n):
+                    meets = met[0, c] * x + met[1, c] * y + met[2, c] * z > cos_overlap
+                    area[c] = shared if meets else area[c]
+            for c in range(n):
+                total[first + c] += area[c]
     return total
 
 
