@@ -106,7 +106,10 @@ def _depth_on(plane: FloatArray, x: float, slope: float) -> float:
 
 @compiled
 def _ends(
-    fan: Fan,
+    depth: FloatArray,
+    slope: FloatArray,
+    sigma: FloatArray,
+    x_mm: FloatArray,
     label: IndexArray,
     plane: FloatArray,
     p: int,
@@ -120,7 +123,7 @@ def _ends(
 
     The next points may lie on the plane without its label, or between it and what is behind.
     """
-    depth, i = fan.depth_mm, label[p, u]
+    i = label[p, u]
     rows, columns = label.shape
     missing, mixed = 0, 0
     last_p, last_u, a, b = p, u, p + dp, u + du
@@ -132,8 +135,8 @@ def _ends(
             if missing > most_missing:
                 break
         else:
-            off = depth[a, b] - _depth_on(plane, fan.x_mm[a], fan.slope[a, b])
-            close = 3.0 * fan.sigma_mm[a, b] + 0.5
+            off = depth[a, b] - _depth_on(plane, x_mm[a], slope[a, b])
+            close = 3.0 * sigma[a, b] + 0.5
             if off > behind:
                 return last_p, last_u, 0.5 * (1.0 + (mixed if missing == 0 else 0))
             if missing == 0 and mixed == 0 and label[a, b] < 0 and abs(off) < close:
@@ -157,8 +160,9 @@ def _found_ends(
 
     every: of how many profiles one is looked along, and of how many pixels one across profiles.
     """
-    label = patches.label
-    rows, columns = label.shape
+    label, rows, columns = patches.label, patches.label.shape[0], patches.label.shape[1]
+    # One by one: handing over the fan costs a count of references to each of its arrays.
+    depth, slopes, sigma, x_mm = fan.depth_mm, fan.slope, fan.sigma_mm, fan.x_mm
     step = profile_step_mm(fan)
     planes, known = planes_in_beams(fan, patches), np.flatnonzero(np.isfinite(fan.column_slope))
     first, last = known[0], known[-1]
@@ -175,7 +179,9 @@ def _found_ends(
                 if i < 0 or label[p + dp, u + du] == i:
                     continue
                 plane = planes[i]
-                a, b, cells = _ends(fan, label, plane, p, u, dp, du, behind, most_missing)
+                a, b, cells = _ends(
+                    depth, slopes, sigma, x_mm, label, plane, p, u, dp, du, behind, most_missing
+                )
                 if cells < 0.0:
                     continue
                 if n == room:
