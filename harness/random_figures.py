@@ -101,10 +101,12 @@ def draw_success(rows: pd.DataFrame) -> Figure | None:
             ax = add_axes(figure, 0.75 + 2.8 * c, bottom, 2.3, 1.6)
             of_band = in_band(rows[rows["family"] == family], band)
             pairs = of_band["pair"].nunique()
-            for method, style in styles.items():
+            for i, (method, style) in reversed(list(enumerate(styles.items()))):
                 group = of_band[of_band["method"] == method]
                 if len(group):
-                    _curve(ax, group, angles, style, interval=len(styles) < CROWD)
+                    # Later methods wider and below, so that equal curves show all their colours.
+                    look = {**style, "lw": 1.4 + 0.5 * i}
+                    _curve(ax, group, angles, look, interval=len(styles) < CROWD)
             ax.set(xscale="log", ylim=(-0.02, 1.02), xlim=(angles[0], angles[-1]))
             ax.set_xticks([t.rotation_deg for t in marked])
             ax.set_xticklabels([f"{t.rotation_deg:g}°\n{t.translation_mm:g} mm" for t in marked])
@@ -123,7 +125,7 @@ def _curve(
     if interval:
         low, high = np.transpose([wilson_interval(k, len(group)) for k in right])
         ax.fill_between(angles, low, high, color=style["color"], alpha=0.15, lw=0)
-    ax.plot(angles, np.array(right) / len(group), lw=1.6, **style)
+    ax.plot(angles, np.array(right) / len(group), **style)
 
 
 def draw_bound(rows: pd.DataFrame) -> Figure | None:
@@ -182,15 +184,18 @@ def draw_calibration(rows: pd.DataFrame) -> Figure | None:
         "covariance's ellipsoid",
         5.3,
     )
-    ax = add_axes(figure, 2.6, 0.55, 3.9, 3.9)
+    ax = add_axes(figure, 0.75, 0.55, 3.9, 3.9)
     levels = np.linspace(0.0, 1.0, 101)
     ax.plot(levels, levels, color=GREY, lw=1.0, label="right covariances")
     for method, values in distances.items():
         shares = [(values <= chi2.ppf(level, 6)).mean() for level in levels]
-        ax.plot(levels, shares, lw=1.6, label=f"{method}, {len(values)} answers", **styles[method])
+        ax.plot(levels, shares, lw=1.6, label=f"{method},\n{len(values)} answers", **styles[method])
+    for method in styles:
+        if method not in distances:
+            ax.plot([], [], ls="", label=f"{method}:\nno covariances")
     ax.set(xlim=(0, 1), ylim=(0, 1.01), aspect="equal")
     ax.set(xlabel="share that should lie inside", ylabel="share that lies inside")
-    ax.legend(loc="upper left")
+    ax.legend(loc="upper left", bbox_to_anchor=(1.03, 1.0), borderaxespad=0.0)
     return figure
 
 

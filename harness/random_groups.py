@@ -43,10 +43,17 @@ THRESHOLDS = tuple(
 
 
 def with_family(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with the columns family and overlap, the smaller share of the two views."""
+    """The rows with the columns family and overlap, the smaller share of the two views.
+
+    A row without an overlap, as its method raised an error, has that of the others on its pair.
+    """
     known = rows.copy()
     known["family"] = [family_of(pair) for pair in rows["pair"]]
     known["overlap"] = rows[["overlap_target", "overlap_source"]].min(axis=1)
+    if known["overlap"].isna().any():
+        of_pair = known.groupby("pair")["overlap"]
+        low, high = of_pair.transform("min"), of_pair.transform("max")
+        known["overlap"] = known["overlap"].fillna(low.where(low == high))
     return known
 
 

@@ -61,7 +61,14 @@ def success_table(rows: pd.DataFrame) -> Table:
         f"answer marked ok is beyond {COARSE.rotation_deg:g} deg or {COARSE.translation_mm:g} mm.",
         pd.DataFrame(records),
         dict.fromkeys(("Pairs", "Marked ok", "of these wrong"), "d"),
+        note=_left_out(rows),
     )
+
+
+def _left_out(rows: pd.DataFrame) -> str:
+    """How many trials stand in no band, as nobody knows their overlap: no pair was drawn."""
+    count = int(rows["overlap"].isna().sum())
+    return f"{count} of {len(rows)} trials are not counted: no pair was drawn." if count else ""
 
 
 def curve_table(rows: pd.DataFrame) -> Table:
@@ -286,8 +293,8 @@ def wrong_table(rows: pd.DataFrame) -> Table:
     return Table(
         "wrong",
         "Wrong answers marked ok",
-        f"Beyond {COARSE.rotation_deg:g} deg or {COARSE.translation_mm:g} mm. Replay one with "
-        "--trial and its id.",
+        f"Beyond {COARSE.rotation_deg:g} deg or {COARSE.translation_mm:g} mm, and every error of the"
+        " program. Replay one with --trial and its id.",
         with_notes(frame, wrong),
         {"Overlap": ".2f", "Rotation (deg)": ".2f", "Translation (mm)": ".1f"},
     )

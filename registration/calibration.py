@@ -19,6 +19,7 @@ from registration.scan import FloatArray, IntArray, Scan
 
 FORMAT, VERSION = "profile scanner calibration", 1
 KNOWN_TO_MM = 0.1
+WIDEST = 20.0  # times as far as the other table, as methods read both on the same even nodes
 PASSES = 8  # a biased surface is inclined by its bias: find the inclination that explains both
 
 
@@ -194,6 +195,8 @@ def _parsed(data: Any) -> Calibration:
     second = "tangent_of_incidence" if form == "incidence" else "slope_of_beam"
     bias_table = _table(bias, "bias", second)
     sigma_table = _table(sigma, "sigma", "tangent_of_incidence")
+    if form == "incidence":
+        _check_reaches(bias_table, sigma_table)
     if (sigma_table.value_mm <= 0.0).any():
         raise CalibrationError("sigma.value_mm: holds a value that is not above 0")
     rms_mm = data.get("rms_mm", {})
@@ -209,6 +212,17 @@ def _parsed(data: Any) -> Calibration:
     return Calibration(
         form, apex_mm, bias_table, sigma_table, measured_by, dict(rms_mm), float(known_to_mm)
     )
+
+
+def _check_reaches(bias: Table, sigma: Table) -> None:
+    for key in ("depth_mm", "at"):
+        reaches = [float(np.ptp(getattr(table, key))) for table in (bias, sigma)]
+        if max(reaches) > WIDEST * min(reaches):
+            name = "depth_mm" if key == "depth_mm" else "tangent_of_incidence"
+            raise CalibrationError(
+                f"bias.{name} and sigma.{name}: reach over {reaches[0]:g} and {reaches[1]:g}; "
+                f"expected one at most {WIDEST:g} times as far as the other (constant beyond)"
+            )
 
 
 def _section(data: dict[str, Any], key: str) -> dict[str, Any]:

@@ -106,6 +106,18 @@ def test_successes_are_counted_in_their_bands() -> None:
     assert list(wrong["Trial"]) == [f"{3:016x}"]
 
 
+def test_errors_of_the_program_are_counted_as_failures() -> None:
+    rows = rows_with([np.zeros(6)] * 3, ["ok", "error", "error"], [0.3, np.nan, np.nan])
+    rows["pair"] = ["desk 0", "desk 0", "desk 1"]  # the last was never drawn
+    rows["method"] = ["ours", "theirs", "theirs"]
+    table = success_table(with_family(rows))
+    of = table.frame.set_index(["Method", "Overlap"])
+    assert of.loc[("theirs", "0.2 to 0.4"), "Pairs"] == 1
+    assert of.loc[("theirs", "0.2 to 0.4"), "Within 5 deg and 30 mm"].startswith("0.0%")
+    assert "1 of 3 trials are not counted" in table.note
+    assert "not counted" not in success_table(with_family(rows[:2])).note
+
+
 def test_every_table_is_made_and_bands_and_thresholds_are_whole(normal_rows) -> None:
     tables = {table.name for table in random_tables(normal_rows.drop(columns="family"))}
     assert tables == {

@@ -233,6 +233,10 @@ def _without(key: str) -> Callable[[dict], object]:
         (lambda data: data["bias"]["value_mm"][0].pop(), "bias.value_mm: expected numbers"),
         (lambda data: data["sigma"].update(value_mm="no"), "sigma.value_mm: expected numbers"),
         (lambda data: data["sigma"]["value_mm"][0].__setitem__(0, 0.0), "not above 0"),
+        (
+            lambda data: data["sigma"]["depth_mm"].__setitem__(-1, 1e9),
+            "bias.depth_mm and sigma.depth_mm: reach over",
+        ),
         (lambda data: data["bias"]["depth_mm"].__setitem__(0, np.nan), "bias.depth_mm: expected a"),
         (lambda data: data.update(rms_mm=[1]), "rms_mm: expected numbers by name"),
     ],
