@@ -293,8 +293,8 @@ def wrong_table(rows: pd.DataFrame) -> Table:
     return Table(
         "wrong",
         "Wrong answers marked ok",
-        f"Beyond {COARSE.rotation_deg:g} deg or {COARSE.translation_mm:g} mm, and every error of the"
-        " program. Replay one with --trial and its id.",
+        f"Beyond {COARSE.rotation_deg:g} deg or {COARSE.translation_mm:g} mm, or an error of the "
+        "program. Replay one with --trial and its id.",
         with_notes(frame, wrong),
         {"Overlap": ".2f", "Rotation (deg)": ".2f", "Translation (mm)": ".1f"},
     )
