@@ -99,22 +99,25 @@ def read_known(path: str) -> Known:
 
 
 @compiled
-def take_bias_and_noise(
-    beams: FloatArray, plane: FloatArray, apex_z_mm: float, known: Known
+def bias_and_noise(
+    slope: FloatArray,
+    measured: FloatArray,
+    plane: FloatArray,
+    apex_z_mm: float,
+    known: Known,
+    bias: FloatArray,
+    sigma: FloatArray,
 ) -> None:
-    """As take_bias and take_noise, which look at the same places unless the bias is lateral."""
+    """Bias of the depths of the beams (n,) of one plane, and their standard deviations, (n,) out.
+
+    measured: (n,) depths from the apex.
+    """
+    tangent = _tangents(slope, plane)
+    there = _places(known.sigma, measured, apex_z_mm, tangent)
+    _read_at(known.sigma, there, sigma)
     if known.lateral:
-        take_bias(beams, plane, apex_z_mm, known)
-        take_noise(beams, plane, apex_z_mm, known)
-        return
-    for first in range(0, beams.shape[1], BLOCK):
-        depth, slope = beams[DEPTH, first : first + BLOCK], beams[SLOPE, first : first + BLOCK]
-        measured = beams[MEASURED, first : first + BLOCK]
-        there = _places(known.bias, measured, apex_z_mm, _tangents(slope, plane))
-        _read_at(known.bias, there, depth)
-        _read_at(known.sigma, there, beams[SIGMA, first : first + BLOCK])
-        for j in range(depth.size):
-            depth[j] = measured[j] - depth[j]
+        there = _places(known.bias, measured, apex_z_mm, slope)
+    _read_at(known.bias, there, bias)  # without lateral both tables have the same nodes
 
 
 @compiled
@@ -127,13 +130,6 @@ def take_bias(beams: FloatArray, plane: FloatArray, apex_z_mm: float, known: Kno
         look_up(known.bias, measured, apex_z_mm, at, depth)
         for j in range(depth.size):
             depth[j] = measured[j] - depth[j]
-
-
-@compiled
-def take_noise(beams: FloatArray, plane: FloatArray, apex_z_mm: float, known: Known) -> None:
-    """Give the beams (5, n) of one plane the standard deviations of their depths."""
-    tangent = _tangents(beams[SLOPE], plane)
-    look_up(known.sigma, beams[MEASURED], apex_z_mm, tangent, beams[SIGMA])
 
 
 @compiled

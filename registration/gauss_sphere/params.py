@@ -51,7 +51,7 @@ class PatchParams:
     min_profiles: int = 3
     min_points: int = 40
     gate_sigma: float = 3.5
-    fit_rounds: int = 2
+    fit_rounds: int = 1
     edge_pixels: int = 1
     bias_rounds: int = 2
 

@@ -9,8 +9,10 @@ import numpy as np
 from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.calibrated import DEPTH, NOTHING_KNOWN, Known
 from registration.gauss_sphere.params import PatchParams
-from registration.gauss_sphere.plane_fit import about_centroid, fit_plane
+from registration.gauss_sphere.plane_fit import fit_plane
 from registration.gauss_sphere.points import Grouped, beams_of
+from registration.gauss_sphere.rough_plane import SAMPLE
+from registration.gauss_sphere.small_matrices import invert_symmetric3
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
@@ -24,7 +26,7 @@ class Patches(NamedTuple):
         centroid in mm).
     spread_mm: (m, 2) standard deviation of the points along the basis, which is turned to their
         principal axes.
-    n_points: (m,); area_mm2: (m,); chi2: (m,) mean squared residual in standard deviations.
+    n_points: (m,); area_mm2: (m,).
     label: (profiles, pixels) patch of each point, -1 for none.
     """
 
@@ -36,7 +38,6 @@ class Patches(NamedTuple):
     spread_mm: FloatArray
     n_points: IntArray
     area_mm2: FloatArray
-    chi2: FloatArray
     label: IndexArray
 
 
@@ -82,7 +83,7 @@ def _fit_planes(
     start, end, place, depth = points.start, points.end, points.place, fan.depth_mm.reshape(-1)
     area_per_beam = _beam_area(fan)
     kept = np.zeros(place.size, np.bool_)
-    planes, moments = np.zeros((n_patches, 4)), np.zeros((n_patches, 8))
+    planes, moments = np.zeros((n_patches, 4)), np.zeros((n_patches, 7))
     centre, basis = np.zeros((n_patches, 3)), np.zeros((n_patches, 2, 3))
     spread, covariance = np.zeros((n_patches, 2)), np.zeros((n_patches, 3, 3))
     g, area = np.zeros((3, 4)), np.zeros(n_patches)
@@ -91,18 +92,19 @@ def _fit_planes(
         a, b = start[i], end[i]
         if b - a < least:
             continue
-        beams = beams_of(fan, measured, points, i)
+        beams = beams_of(fan, measured, points, i, b - a)
+        sample = beams_of(fan, measured, points, i, SAMPLE)
         if not fit_plane(
-            beams, fan.lean, fan.apex_mm[2], known, gate, rounds, kept[a:b], planes[i],
+            beams, sample, fan.lean, fan.apex_mm[2], known, gate, rounds, kept[a:b], planes[i],
             centre[i], basis[i, 0], basis[i, 1], g, moments[i],
         ):  # fmt: skip
             continue
         if moments[i, 0] >= least:
-            about_centroid(
+            _about_centroid(
                 planes[i], moments[i], g, centre[i], basis[i, 0], basis[i, 1], spread[i],
                 covariance[i],
             )  # fmt: skip
-            area[i] = moments[i, 7] * area_per_beam
+            area[i] = moments[i, 6] * area_per_beam
             # From the apex to the scan's own y and z.
             for t in range(1, 3):
                 centre[i, t] += fan.apex_mm[t]
@@ -121,7 +123,6 @@ def _fit_planes(
         for j in range(start[i], end[i]):
             if kept[j]:
                 of_point[place[j]] = renumber[i]
-    counted = moments[order]
     return Patches(
         planes[order, :3].copy(),
         planes[order, 3].copy(),
@@ -129,11 +130,54 @@ def _fit_planes(
         basis[order],
         covariance[order],
         spread[order],
-        counted[:, 0].astype(np.int64),
+        moments[order, 0].astype(np.int64),
         area[order],
-        counted[:, 6] / counted[:, 0],
         label,
     )
+
+
+@compiled
+def _about_centroid(
+    plane: FloatArray,
+    moments: FloatArray,
+    g: FloatArray,
+    centre: FloatArray,
+    e: FloatArray,
+    f: FloatArray,
+    spread: FloatArray,
+    covariance: FloatArray,
+) -> None:
+    """Move the centre to the centroid, turn e and f to the principal axes; covariance there."""
+    n = moments[0]
+    ma, mb = moments[1] / n, moments[2] / n
+    vaa, vab = moments[3] / n - ma * ma, moments[4] / n - ma * mb
+    vbb = moments[5] / n - mb * mb
+    away = plane[3]
+    for t in range(3):
+        centre[t] += ma * e[t] + mb * f[t]
+        away -= plane[t] * centre[t]
+    for t in range(3):
+        centre[t] += away * plane[t]
+    turn = 0.5 * np.arctan2(2.0 * vab, vaa - vbb)
+    c, s = np.cos(turn), np.sin(turn)
+    for t in range(3):
+        e[t], f[t] = c * e[t] + s * f[t], c * f[t] - s * e[t]
+    spread[0] = np.sqrt(max(c * c * vaa + 2.0 * c * s * vab + s * s * vbb, 0.0))
+    spread[1] = np.sqrt(max(s * s * vaa - 2.0 * c * s * vab + c * c * vbb, 0.0))
+    w = g[2, 2]
+    wa, wb = -g[0, 2] - w * ma, -g[1, 2] - w * mb
+    waa = g[0, 0] + 2.0 * ma * g[0, 2] + w * ma * ma
+    wbb = g[1, 1] + 2.0 * mb * g[1, 2] + w * mb * mb
+    wab = g[0, 1] + ma * g[1, 2] + mb * g[0, 2] + w * ma * mb
+    information = np.empty((3, 3))
+    information[0, 0] = c * c * waa + 2.0 * c * s * wab + s * s * wbb
+    information[1, 1] = s * s * waa - 2.0 * c * s * wab + c * c * wbb
+    information[0, 1] = c * s * (wbb - waa) + (c * c - s * s) * wab
+    information[0, 2], information[1, 2] = -(c * wa + s * wb), -(c * wb - s * wa)
+    information[2, 2] = w
+    information[1, 0], information[2, 0] = information[0, 1], information[0, 2]
+    information[2, 1] = information[1, 2]
+    invert_symmetric3(information, covariance)
 
 
 @compiled

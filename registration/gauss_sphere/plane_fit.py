@@ -5,69 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from registration.gauss_sphere.calibrated import BLOCK, DEPTH, SIGMA, SLOPE, Known, X, take_bias
-from registration.gauss_sphere.small_matrices import invert_symmetric3, solve_symmetric3
+from registration.gauss_sphere.rough_plane import first_plane
+from registration.gauss_sphere.small_matrices import solve_symmetric3
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray
 
 NARROWEST_MM = 0.1  # standard deviation across a patch
-GOLDEN_RATIO = 0.6180339887498949
-SAMPLE = 128  # beams of a plane that are enough to start from
-
-
-@compiled
-def first_plane(beams: FloatArray, lean: FloatArray, plane: FloatArray) -> None:
-    """Least squares of q = A + B s + C (x - x0) q, q the inverse depth, x0 the mean x.
-
-    That is in the coordinates of the profiles; the plane is then sheared into the scan's frame.
-
-    plane: (4,) out, unit normal towards the sensor and offset, y and z from the apex.
-    """
-    x0 = beams[X].mean()
-    g, solution = np.zeros((3, 4)), np.zeros(3)
-    for j in range(beams.shape[1]):
-        s, d = beams[SLOPE, j], beams[DEPTH, j]
-        q = 1.0 / d
-        v = (beams[X, j] - x0) * q
-        w = (d * d / beams[SIGMA, j]) ** 2
-        g[0, 0] += w
-        g[0, 1] += w * s
-        g[0, 2] += w * v
-        g[1, 1] += w * s * s
-        g[1, 2] += w * s * v
-        g[2, 2] += w * v * v
-        g[0, 3] += w * q
-        g[1, 3] += w * s * q
-        g[2, 3] += w * v * q
-    solve_symmetric3(g, solution)
-    # 1 = A (z - lean_z x) + B (y - lean_y x) + C (x - x0)
-    across = solution[2] - lean[0] * solution[1] - lean[1] * solution[0]
-    size = np.sqrt(solution[0] ** 2 + solution[1] ** 2 + across**2)
-    plane[0], plane[1], plane[2] = -across / size, -solution[1] / size, -solution[0] / size
-    plane[3] = -(1.0 + solution[2] * x0) / size
-
-
-@compiled
-def sample_of(beams: FloatArray) -> FloatArray:
-    """(5, m) some of the beams (5, n) of a plane, spread over it."""
-    n = beams.shape[1]
-    sample = np.empty((5, min(n, SAMPLE)))
-    for k in range(sample.shape[1]):
-        j = _sampled(k, n)
-        for row in range(beams.shape[0]):
-            sample[row, k] = beams[row, j]
-    return sample
-
-
-@compiled
-def _sampled(k: int, n: int) -> int:
-    """Index of the k-th sample of n points."""
-    # Multiples of the golden ratio fall everywhere; even steps could follow one column.
-    return k if n <= SAMPLE else int((k + 0.5) * GOLDEN_RATIO % 1.0 * n)
+TILT_RAD = 1e-3  # by which a plane is tilted to see how its bias follows
+PROBED = 64  # beams of a sample that tell it
+LEAST_REST = 0.25  # determinant of what a tilt leaves of itself when the bias has followed it
 
 
 @compiled
 def fit_plane(
     beams: FloatArray,
+    sample: FloatArray,
     lean: FloatArray,
     apex_z_mm: float,
     known: Known,
@@ -81,15 +33,16 @@ def fit_plane(
     g: FloatArray,
     moments: FloatArray,
 ) -> bool:
-    """Fit a plane to its beams (5, n); whether there is one.
+    """Fit a plane to its beams (5, n), after one step on a sample (5, m); whether there is one.
 
     kept: (n,) out, beams within gate standard deviations.  plane: (4,) out, unit normal and offset.
     centre, e, f: (3,) out, a point of the plane and two tangents of it.  g: (3, 4) out, normal
-    equations of (tilt towards e, towards f, offset at the centre).  moments: (8,) out, number, sums
-    of a, b, a^2, a b, b^2 along e and f, chi-square, and what the area is made of.
+    equations of (tilt towards e, towards f, offset at the centre).  moments: (7,) out, number, sums
+    of a, b, a^2, a b, b^2 along e and f, and what the area is made of.
     """
-    step, sample = np.zeros(3), sample_of(beams)
+    step, following = np.zeros(3), np.zeros((3, 2))
     sample_kept = np.empty(sample.shape[1], np.bool_)
+    follows = known.given and not known.lateral and beams.shape[1] > sample.shape[1]
     first_plane(sample, lean, plane)
     mean_x, mean_y, mean_z = sample[X].mean(), 0.0, sample[DEPTH].mean()
     for j in range(sample.shape[1]):
@@ -106,23 +59,100 @@ def fit_plane(
         n0, n1, n2 = plane[0], plane[1], plane[2]
         away = plane[3] - (n0 * mean_x + n1 * mean_y + n2 * mean_z)
         centre[0], centre[1], centre[2] = mean_x + away * n0, mean_y + away * n1, mean_z + away * n2
-        along = e[0] * n0 + e[1] * n1 + e[2] * n2
-        e[0], e[1], e[2] = e[0] - along * n0, e[1] - along * n1, e[2] - along * n2
-        size = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
-        e[0], e[1], e[2] = e[0] / size, e[1] / size, e[2] / size
-        f[0], f[1], f[2] = n1 * e[2] - n2 * e[1], n2 * e[0] - n0 * e[2], n0 * e[1] - n1 * e[0]
+        _turn_tangents(plane, e, f)
         outlined = turn == 0 or turn == rounds
         _normal_equations(used, lean, plane, centre, e, f, gate, used_kept, outlined, g, moments)
         if moments[0] < 4.0 or (outlined and _narrow(moments)):
             return False
         solve_symmetric3(g, step)
+        if follows and turn == 0:
+            some = sample[:, :PROBED].copy()
+            _take_following(
+                some, lean, apex_z_mm, known, gate, plane, centre, e, f, following
+            )  # fmt: skip
+        if follows:
+            _follow(following, step)
         for t in range(3):
             plane[t] += step[0] * e[t] + step[1] * f[t]
         # The offset moves at the centre, about which the plane tilts.
         plane[3] = plane[0] * centre[0] + plane[1] * centre[1] + plane[2] * centre[2] + step[2]
         size = np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
         plane /= size
+    _turn_tangents(plane, e, f)
     return True
+
+
+@compiled
+def _turn_tangents(plane: FloatArray, e: FloatArray, f: FloatArray) -> None:
+    """Turn two tangents of a plane that was tilted back into it."""
+    n0, n1, n2 = plane[0], plane[1], plane[2]
+    along = e[0] * n0 + e[1] * n1 + e[2] * n2
+    e[0], e[1], e[2] = e[0] - along * n0, e[1] - along * n1, e[2] - along * n2
+    size = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+    e[0], e[1], e[2] = e[0] / size, e[1] / size, e[2] / size
+    f[0], f[1], f[2] = n1 * e[2] - n2 * e[1], n2 * e[0] - n0 * e[2], n0 * e[1] - n1 * e[0]
+
+
+@compiled
+def _take_following(
+    beams: FloatArray,
+    lean: FloatArray,
+    apex_z_mm: float,
+    known: Known,
+    gate: float,
+    plane: FloatArray,
+    centre: FloatArray,
+    e: FloatArray,
+    f: FloatArray,
+    following: FloatArray,
+) -> None:
+    """What a tilt changes in the step that the beams (5, n) ask for, as their bias follows it.
+
+    following: (3, 2) out, change of the step in (tilt towards e, towards f, offset) by a tilt
+    towards e, and by one towards f.
+    """
+    n, before = beams.shape[1], beams[DEPTH].copy()
+    terms, kept, moved = np.empty((5, n)), np.empty(n, np.bool_), np.empty((2, n))
+    _terms(beams, 0, lean, plane, centre, e, f, gate, kept, terms)
+    tilted, row, change = np.empty(4), np.ones(3), np.empty(3)
+    for v in range(2):
+        tangent = e if v == 0 else f
+        for t in range(3):
+            tilted[t] = plane[t] + TILT_RAD * tangent[t]
+        take_bias(beams, tilted, apex_z_mm, known)
+        for j in range(n):
+            along = plane[1] * beams[SLOPE, j] + plane[2]
+            moved[v, j] = along * (beams[DEPTH, j] - before[j]) / TILT_RAD
+    g, pull = np.zeros((3, 4)), np.zeros((2, 3))
+    for j in range(n):
+        if kept[j]:
+            row[0], row[1] = -terms[1, j], -terms[2, j]
+            for t in range(3):
+                weighted = terms[0, j] * row[t]
+                for v in range(t, 3):
+                    g[t, v] += weighted * row[v]
+                for v in range(2):
+                    pull[v, t] += weighted * moved[v, j]
+    for v in range(2):
+        g[:, 3] = pull[v]
+        solve_symmetric3(g, change)
+        following[:, v] = change
+
+
+@compiled
+def _follow(following: FloatArray, step: FloatArray) -> None:
+    """Lengthen a step to where it ends when the bias has followed it.
+
+    A bias that follows nearly as far as the plane tilts has no such place.
+    """
+    a, b = 1.0 - following[0, 0], -following[0, 1]
+    c, d = -following[1, 0], 1.0 - following[1, 1]
+    det = a * d - b * c
+    if det < LEAST_REST:
+        return
+    u, v = (d * step[0] - b * step[1]) / det, (a * step[1] - c * step[0]) / det
+    step[0], step[1] = u, v
+    step[2] += following[2, 0] * u + following[2, 1] * v
 
 
 @compiled
@@ -141,7 +171,7 @@ def _normal_equations(
 ) -> None:
     """Fill in kept, g and moments as fit_plane gives them; not outlined, only their number."""
     terms = np.empty((5, min(kept.size, BLOCK)))
-    w_, wa, wb, waa, wab, wbb, wr, war, wbr, wrr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    w_, wa, wb, waa, wab, wbb, wr, war, wbr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     count, sa, sb, saa, sab, sbb, area = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for first in range(0, kept.size, BLOCK):
         within = kept[first : first + BLOCK]
@@ -159,7 +189,6 @@ def _normal_equations(
             wr += w * residual
             war += w * a * residual
             wbr += w * b * residual
-            wrr += w * residual * residual
         count += within.sum()
         if not outlined:
             continue
@@ -177,7 +206,7 @@ def _normal_equations(
     g[2, 2], g[2, 3] = w_, wr
     moments[0], moments[1], moments[2] = count, sa, sb
     moments[3], moments[4], moments[5] = saa, sab, sbb
-    moments[6], moments[7] = wrr, area
+    moments[6] = area
 
 
 @compiled
@@ -232,47 +261,3 @@ def _narrow(moments: FloatArray) -> bool:
     vbb = moments[5] / n - (moments[2] / n) ** 2
     middle, half = 0.5 * (vaa + vbb), 0.5 * (vaa - vbb)
     return bool(middle - np.sqrt(half * half + vab * vab) < NARROWEST_MM * NARROWEST_MM)
-
-
-@compiled
-def about_centroid(
-    plane: FloatArray,
-    moments: FloatArray,
-    g: FloatArray,
-    centre: FloatArray,
-    e: FloatArray,
-    f: FloatArray,
-    spread: FloatArray,
-    covariance: FloatArray,
-) -> None:
-    """Move the centre to the centroid, turn e and f to the principal axes; covariance there."""
-    n = moments[0]
-    ma, mb = moments[1] / n, moments[2] / n
-    vaa, vab = moments[3] / n - ma * ma, moments[4] / n - ma * mb
-    vbb = moments[5] / n - mb * mb
-    away = plane[3]
-    for t in range(3):
-        centre[t] += ma * e[t] + mb * f[t]
-        away -= plane[t] * centre[t]
-    for t in range(3):
-        centre[t] += away * plane[t]
-    turn = 0.5 * np.arctan2(2.0 * vab, vaa - vbb)
-    c, s = np.cos(turn), np.sin(turn)
-    for t in range(3):
-        e[t], f[t] = c * e[t] + s * f[t], c * f[t] - s * e[t]
-    spread[0] = np.sqrt(max(c * c * vaa + 2.0 * c * s * vab + s * s * vbb, 0.0))
-    spread[1] = np.sqrt(max(s * s * vaa - 2.0 * c * s * vab + c * c * vbb, 0.0))
-    w = g[2, 2]
-    wa, wb = -g[0, 2] - w * ma, -g[1, 2] - w * mb
-    waa = g[0, 0] + 2.0 * ma * g[0, 2] + w * ma * ma
-    wbb = g[1, 1] + 2.0 * mb * g[1, 2] + w * mb * mb
-    wab = g[0, 1] + ma * g[1, 2] + mb * g[0, 2] + w * ma * mb
-    information = np.empty((3, 3))
-    information[0, 0] = c * c * waa + 2.0 * c * s * wab + s * s * wbb
-    information[1, 1] = s * s * waa - 2.0 * c * s * wab + c * c * wbb
-    information[0, 1] = c * s * (wbb - waa) + (c * c - s * s) * wab
-    information[0, 2], information[1, 2] = -(c * wa + s * wb), -(c * wb - s * wa)
-    information[2, 2] = w
-    information[1, 0], information[2, 0] = information[0, 1], information[0, 2]
-    information[2, 1] = information[1, 2]
-    invert_symmetric3(information, covariance)

@@ -12,6 +12,8 @@ from registration.gauss_sphere.segments import Segments
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
+GOLDEN_RATIO = 0.6180339887498949
+
 
 class Grouped(NamedTuple):
     """Where the points (n,) of the patches of a scan are, patch by patch.
@@ -62,13 +64,19 @@ def grouped(
 
 
 @compiled
-def beams_of(fan: Fan, measured: FloatArray, points: Grouped, i: int) -> FloatArray:
-    """(5, n) position, slope, depth, standard deviation and measured depth of a patch's points."""
-    first, beams = points.start[i], np.empty((5, points.end[i] - points.start[i]))
+def beams_of(fan: Fan, measured: FloatArray, points: Grouped, i: int, most: int) -> FloatArray:
+    """(5, n) position, slope, depth, standard deviation and measured depth of a patch's points.
+
+    most: of a patch with more points, as many are taken, spread over it.
+    """
+    first, n = points.start[i], points.end[i] - points.start[i]
+    beams = np.empty((5, min(n, most)))
     slope, depth, sigma = fan.slope.reshape(-1), fan.depth_mm.reshape(-1), fan.sigma_mm.reshape(-1)
     all_measured = measured.reshape(-1)
     for j in range(beams.shape[1]):
-        k = points.place[first + j]
-        beams[X, j], beams[SLOPE, j] = fan.x_mm[points.profile[first + j]], slope[k]
+        # Multiples of the golden ratio fall everywhere; even steps could follow one column.
+        at = first + (j if n <= most else int((j + 0.5) * GOLDEN_RATIO % 1.0 * n))
+        k = points.place[at]
+        beams[X, j], beams[SLOPE, j] = fan.x_mm[points.profile[at]], slope[k]
         beams[DEPTH, j], beams[SIGMA, j], beams[MEASURED, j] = depth[k], sigma[k], all_measured[k]
     return beams

@@ -10,18 +10,19 @@ import numpy as np
 
 from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.calibrated import (
-    DEPTH,
-    SIGMA,
+    BLOCK,
     Known,
-    take_bias,
-    take_bias_and_noise,
+    bias_and_noise,
+    look_up,
     take_lateral_bias,
+    tangent_of,
 )
-from registration.gauss_sphere.plane_fit import first_plane, sample_of
 from registration.gauss_sphere.points import Grouped, beams_of
+from registration.gauss_sphere.rough_plane import SAMPLE, settled_plane
 from registration.kernels import compiled
 from registration.scan import FloatArray
 
+LEAST = 4  # points that have a plane and tell of its noise
 SCALE_SAMPLE = 500  # points that tell the noise of a scan from that of the calibration
 
 
@@ -48,46 +49,52 @@ def _straighten(
     depth: FloatArray,
     sigma: FloatArray,
 ) -> None:
-    plane, place, start, end = np.zeros(4), points.place, points.start, points.end
-    all_depth, all_sigma = depth.reshape(-1), sigma.reshape(-1)
-    foretold, total = np.empty(place.size), (end - start).sum()
-    step = max(total // SCALE_SAMPLE, 1)
-    ratio, n, due = np.empty(total // step + 1), 0, 0
+    start, end, place, apex_z = points.start, points.end, points.place, fan.apex_mm[2]
+    planes = np.empty((start.size, 4))
     for i in range(start.size):
-        beams, first = beams_of(fan, fan.depth_mm, points, i), start[i]
-        if beams.shape[1] >= 4:
-            _settled_plane(sample_of(beams), fan.lean, fan.apex_mm[2], known, turns, plane)
-            take_bias_and_noise(beams, plane, fan.apex_mm[2], known)
-        for j in range(beams.shape[1]):
-            all_depth[place[first + j]] = beams[DEPTH, j]
-            foretold[first + j] = beams[SIGMA, j]
-        while due < beams.shape[1]:
-            ratio[n] = all_sigma[place[first + due]] / beams[SIGMA, due]
-            n += 1
-            due += step
-        due -= beams.shape[1]
-    if n == 0:
-        return
-    scale = float(np.median(ratio[:n]))
+        if end[i] - start[i] >= LEAST:
+            sample = beams_of(fan, fan.depth_mm, points, i, SAMPLE)
+            settled_plane(sample, fan.lean, apex_z, known, turns, planes[i])
+    scale = _scale_of_noise(fan, points, known, planes)
+    slopes, depths, sigmas = fan.slope.reshape(-1), depth.reshape(-1), sigma.reshape(-1)
+    all_measured, bias, foretold = fan.depth_mm.reshape(-1), np.empty(BLOCK), np.empty(BLOCK)
+    slope, measured = np.empty(BLOCK), np.empty(BLOCK)
     for i in range(start.size):
-        for j in range(start[i], end[i]):
-            all_sigma[place[j]] = foretold[j] * scale
+        if end[i] - start[i] < LEAST:
+            continue
+        for first in range(start[i], end[i], BLOCK):
+            n = min(BLOCK, end[i] - first)
+            for j in range(n):
+                k = place[first + j]
+                slope[j], measured[j] = slopes[k], all_measured[k]
+            bias_and_noise(
+                slope[:n], measured[:n], planes[i], apex_z, known, bias[:n], foretold[:n]
+            )
+            for j in range(n):
+                k = place[first + j]
+                depths[k], sigmas[k] = measured[j] - bias[j], foretold[j] * scale
 
 
 @compiled
-def _settled_plane(
-    beams: FloatArray,
-    lean: FloatArray,
-    apex_z_mm: float,
-    known: Known,
-    turns: int,
-    plane: FloatArray,
-) -> None:
-    """The plane of some beams that agrees with its own bias.
-
-    The bias tilts a plane, by whose tilt it is known: in turns they settle.
-    """
-    first_plane(beams, lean, plane)
-    for _ in range(turns):
-        take_bias(beams, plane, apex_z_mm, known)
-        first_plane(beams, lean, plane)
+def _scale_of_noise(fan: Fan, points: Grouped, known: Known, planes: FloatArray) -> float:
+    """The noise that some points of the patches show, over what the calibration foretells."""
+    start, end, place = points.start, points.end, points.place
+    depth, slope, sigma = fan.depth_mm.reshape(-1), fan.slope.reshape(-1), fan.sigma_mm.reshape(-1)
+    step = max((end - start).sum() // SCALE_SAMPLE, 1)
+    measured, tangent, shown = np.empty((3, place.size // step + 1))
+    n, due = 0, 0
+    for i in range(start.size):
+        if end[i] - start[i] < LEAST:
+            continue
+        due += start[i]
+        while due < end[i]:
+            k = place[due]
+            measured[n], tangent[n], shown[n] = depth[k], tangent_of(slope[k], planes[i]), sigma[k]
+            n += 1
+            due += step
+        due -= end[i]
+    if n == 0:
+        return 1.0
+    foretold = np.empty(n)
+    look_up(known.sigma, measured[:n], fan.apex_mm[2], tangent[:n], foretold)
+    return float(np.median(shown[:n] / foretold))

@@ -134,7 +134,7 @@ def put_together(patches: Patches, lever_mm: float, joining: Joining) -> tuple[P
 def _copy(p: Patches) -> Patches:
     return Patches(
         p.normal.copy(), p.offset_mm, p.centroid_mm.copy(), p.basis.copy(), p.covariance.copy(),
-        p.spread_mm, p.n_points, p.area_mm2.copy(), p.chi2, p.label,
+        p.spread_mm, p.n_points, p.area_mm2.copy(), p.label,
     )  # fmt: skip
 
 
@@ -142,7 +142,7 @@ def _copy(p: Patches) -> Patches:
 def _first(p: Patches, n: int) -> Patches:
     return Patches(
         p.normal[:n], p.offset_mm[:n], p.centroid_mm[:n], p.basis[:n], p.covariance[:n],
-        p.spread_mm[:n], p.n_points[:n], p.area_mm2[:n], p.chi2[:n], p.label,
+        p.spread_mm[:n], p.n_points[:n], p.area_mm2[:n], p.label,
     )  # fmt: skip
 
 

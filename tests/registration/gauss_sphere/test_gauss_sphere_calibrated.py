@@ -12,7 +12,7 @@ from plane_scans import Plates, plates_from, scan_plates
 from registration import Scan, register
 from registration.calibration import Calibration, CalibrationError, Table
 from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.calibrated import known_of, take_bias_and_noise
+from registration.gauss_sphere.calibrated import bias_and_noise, known_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.points import Grouped
@@ -98,13 +98,36 @@ def test_the_fast_table_is_the_calibration(form: str, reach: float) -> None:
     apex_z = -60.0
     growing = np.outer(DEPTH_MM / 1000.0, [0.3, 0.9])
     model = replace(model, sigma=Table(DEPTH_MM, np.array([0.0, reach]), growing))
-    beams = np.stack([np.zeros(500), slope, z - apex_z, np.zeros(500), z - apex_z])
-    take_bias_and_noise(beams, normal, apex_z, known_of(model))
+    bias, sigma = np.empty((2, 500))
+    bias_and_noise(slope, z - apex_z, normal, apex_z, known_of(model), bias, sigma)
     cos = -(normal[1] * slope + normal[2]) / np.sqrt(1.0 + slope**2)
     expected = model.bias_mm(z, slope, cos)
-    np.testing.assert_allclose(beams[4] - beams[2], expected, atol=2e-3)
+    np.testing.assert_allclose(bias, expected, atol=2e-3)
     tangent = np.sqrt(1.0 / cos**2 - 1.0)
-    np.testing.assert_allclose(beams[3], model.sigma.value(z, tangent), rtol=1e-9)
+    np.testing.assert_allclose(sigma, model.sigma.value(z, tangent), rtol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["incidence", "lateral", "none"])
+def test_one_step_on_all_points_is_enough(form: str, made: Plates, tmp_path: Path) -> None:
+    """The bias follows a plane that tilts: the step of a fit foresees where both come to rest."""
+    path = tmp_path / "calibration.json"
+    if form == "none":
+        params, scan = (
+            GaussSphereParams(),
+            scan_plates(made, noise=1.0, rng=np.random.default_rng(0)),
+        )
+    else:
+        calibration(form).write(path)
+        params, scan = GaussSphereParams(calibration=str(path)), biased(made, form, noise=0.3)
+    once = describe(scan, params).patches
+    often = describe(scan, replace(params, patches=replace(params.patches, fit_rounds=8))).patches
+    assert once.n_points[:3].min() > 1500  # many more than those from which a fit starts
+    for i in range(3):
+        assert np.abs(once.basis[i] @ once.normal[i]).max() < 1e-12
+        sigma = np.sqrt(np.diag(often.covariance[i]))
+        tilt = often.basis[i] @ once.normal[i]
+        offset = once.normal[i] @ often.centroid_mm[i] - once.offset_mm[i]
+        assert (np.abs([*tilt, offset]) < 0.3 * sigma).all()
 
 
 def test_points_are_weighted_by_the_noise_of_their_inclination(made: Plates) -> None:

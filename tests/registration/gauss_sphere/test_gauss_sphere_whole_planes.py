@@ -62,7 +62,6 @@ def pieces_of(
         spread_mm=np.zeros((n, 2)),
         n_points=np.full(n, 300),
         area_mm2=np.array(areas),
-        chi2=np.ones(n),
         label=np.full((1, 1), -1, dtype=np.int32),
         **columns,
     )
