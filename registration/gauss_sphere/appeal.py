@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from registration.gauss_sphere.bending import doubted
-from registration.gauss_sphere.decision import centre_of, open_units, uncertainty
+from registration.gauss_sphere.decision import centre_of, is_thin, open_units, uncertainty
 from registration.gauss_sphere.matching import Settled, settle_best
 from registration.gauss_sphere.outlines import Outlines, as_ends, moved_outlines
 from registration.gauss_sphere.params import GaussSphereParams
@@ -42,7 +42,7 @@ def appealed(
     """The settled poses, moved to where outlines coincide, without those that outlines deny.
 
     bias_mm: what is seen of a bias of the planes. None are left where outlines do not confirm the
-    best of them.
+    best of them, or few planes do.
     """
     how = params.outlines
     of_target, of_source = outlines
@@ -84,6 +84,8 @@ def appealed(
     left = [k for k in range(len(poses)) if shares[k] <= most]
     first = left[0]
     if words[first][0] < needed or shares[first] > how.denied_share:
+        return []
+    if is_thin(poses[first], target, source, params.decision):
         return []
     return [poses[k] for k in left]
 

@@ -79,16 +79,26 @@ def shortcoming(best: Settled, target: View, source: View, params: DecisionParam
             f"the best pose puts surface in space that the other view saw to be empty, "
             f"{against:.0%} of the surface it matches; {params.most_contradiction:.0%} are allowed"
         )
-    if share >= params.large_support:
+    if share >= params.large_support or has_sure_planes(best, target, params):
         return ""
     agreeing = agreeing_planes(best, target, params)
-    plain = against <= params.plain_contradiction
-    if agreeing >= params.sure_planes or (plain and agreeing == params.sure_planes - 1):
-        return ""
     return (
         f"{agreeing} planes agree on {share:.0%} of the seen surface, as planes of unrelated "
         f"scenes may; {params.sure_planes} planes or {params.large_support:.0%} are needed"
     )
+
+
+def has_sure_planes(pose: Settled, target: View, params: DecisionParams) -> bool:
+    """Whether as many planes agree on a pose as those of other places hardly do."""
+    agreeing = agreeing_planes(pose, target, params)
+    plain = pose.areas[CONTRADICTION] <= params.plain_contradiction * pose.areas[SUPPORT]
+    return agreeing >= params.sure_planes or bool(plain and agreeing == params.sure_planes - 1)
+
+
+def is_thin(pose: Settled, target: View, source: View, params: DecisionParams) -> bool:
+    """Whether few planes on little surface speak for a pose that outlines had to place."""
+    share = pose.areas[SUPPORT] / _seen_mm2(target, source)
+    return bool(share < params.appeal_support and not has_sure_planes(pose, target, params))
 
 
 def is_weak(best: Settled, target: View, source: View, params: DecisionParams) -> bool:

@@ -274,6 +274,8 @@ class DecisionParams:
     sure_planes: different planes that must agree, each within agreeing_distance2. One less will do
         where contradiction is below plain_contradiction, and any number on large_support of the
         surface. Unrelated scenes reached three or four planes, and 19 % of the surface.
+    appeal_support: the same as large_support where outlines had to say where planes lie: like
+        parts of one scene reached three planes on 36 %.
     same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
     rival_share: share of the best score at which another pose makes the answer ambiguous.
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a
@@ -289,6 +291,7 @@ class DecisionParams:
     sure_planes: int = 5
     plain_contradiction: float = 0.02
     large_support: float = 0.3
+    appeal_support: float = 0.45
     agreeing_distance2: float = 14.0
     same_plane_rad: float = 0.03
     same_plane_mm: float = 5.0

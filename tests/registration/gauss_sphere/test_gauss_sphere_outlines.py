@@ -26,7 +26,7 @@ from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.decision import uncertainty
 from registration.gauss_sphere.matching import settle_best
 from registration.gauss_sphere.outlines import as_ends, ends_of, outlines_of
-from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
+from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, OutlineParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.refine import likelihood, widened
 from registration.gauss_sphere.testimony import ANY_WAY, said
@@ -157,6 +157,16 @@ def test_outlines_fix_the_shift_that_planes_leave_open(seed: int) -> None:
     step = np.concatenate([error.rotation.as_rotvec(), error.translation])
     assert step @ np.linalg.solve(result.covariance, step) < 22.5  # 99.9 % of six
     assert register(pair.target, pair.source, params=BLIND).status == "underdetermined"
+
+
+def test_few_planes_on_little_surface_are_not_placed_by_outlines() -> None:
+    rng = np.random.default_rng(0)
+    pair, asked = pair_of(boards(rng), rng), DecisionParams(sure_planes=20, appeal_support=2.0)
+    result = register(pair.target, pair.source, params=GaussSphereParams(decision=asked))
+    assert result.status == "underdetermined"
+    for enough in (replace(asked, sure_planes=2), replace(asked, appeal_support=0.3)):
+        placed = register(pair.target, pair.source, params=GaussSphereParams(decision=enough))
+        assert placed.status == "ok", placed.reason
 
 
 def test_a_bias_of_the_planes_does_not_undo_what_outlines_fix() -> None:
