@@ -178,6 +178,8 @@ def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) 
 
     Where a scene repeats itself, as shelves and rows of boxes do, a pose that is off by a period
     differs from the true one in how much the views share, and not in how well they agree on it.
+    Three planes, as of a corner, agree with those of any other corner, four with those of a cube's
+    next sides, if nothing speaks against it: of so few planes one less makes a pose a rival.
     """
     if pose.score <= params.repeat_share * best.score:
         return False
@@ -185,6 +187,9 @@ def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) 
         return False
     agreeing = agreeing_planes(pose, target, params)
     planes = agreeing_planes(best, target, params)
+    plain = pose.areas[CONTRADICTION] <= params.plain_contradiction * pose.areas[SUPPORT]
+    if planes < params.sure_planes - 1 or (plain and planes < params.sure_planes):
+        return agreeing >= planes - 1
     if agreeing < max(params.sure_planes - 1, params.repeat_planes * planes):
         return False
     # A pose that slides is easily like another: more must speak for it, and less against it.

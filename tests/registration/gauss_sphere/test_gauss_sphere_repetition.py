@@ -109,6 +109,31 @@ def test_a_row_that_never_ends_is_ambiguous(seed: int) -> None:
     assert result.status == "ambiguous", result.reason
 
 
+@pytest.mark.parametrize("turn_deg", [50.0, 60.0, 70.0])
+def test_a_cube_alone_is_never_taken_for_its_next_sides(turn_deg: float) -> None:
+    """Of two sides of a cube in each view one is shared; a quarter turn off, both would be."""
+    rng = np.random.default_rng(0)
+    floor = plates_from(
+        ROOM.apply([[1.0, 0.0, 0.0]]),
+        MIDDLE + ROOM.apply([[-90.0, 0.0, 0.0]]),
+        np.full((1, 2), 400.0),
+    )
+    turn = ROOM * Rotation.from_rotvec([np.pi / 4.0, 0.0, 0.0])
+    cube = box_faces(RigidTransform.from_components(MIDDLE, turn), np.full(3, 90.0))
+    around = ROOM * Rotation.from_rotvec([np.deg2rad(turn_deg), 0.0, 0.0]) * ROOM.inv()
+    T_source_target = RigidTransform.from_components(MIDDLE - around.apply(MIDDLE), around)
+    plates = join(floor, cube)
+    target, source = (
+        scan_plates(seen, profiles=80, noise=1.0, rng=rng)
+        for seen in (plates, move_plates(plates, T_source_target))
+    )
+    result = register(target, source)
+    right = result.T_target_source is not None and (
+        pose_error(result.T_target_source, T_source_target.inv())[0] < 5.0
+    )
+    assert result.status != "ok" or right, result.reason
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_outlines_deny_a_pose_two_periods_off_where_the_row_ends(seed: int) -> None:
     pair = pair_of(room(*row(range(-1, 2))), seed)
