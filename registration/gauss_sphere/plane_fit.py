@@ -13,6 +13,9 @@ from registration.scan import BoolArray, FloatArray
 NARROWEST_MM = 0.1  # standard deviation across a patch
 TILT_RAD = 1e-3  # by which a plane is tilted to see how its bias follows
 PROBED = 64  # beams of a sample that tell it
+# A last step that moves points by more than this, as a mean square in variances, shows a sample with
+# points of other planes in it: other points belong then, and so many steps more may be taken.
+FAR2, MORE_ROUNDS = 0.05, 2
 LEAST_REST = 0.25  # determinant of what a tilt leaves of itself when the bias has followed it
 
 
@@ -51,7 +54,8 @@ def fit_plane(
     mean_z += lean[1] * mean_x
     # The first tangent across the line of motion, the second along it.
     e[0], e[1], e[2] = 0.0, -plane[2], plane[1]
-    for turn in range(rounds + 1):
+    turn, last = 0, rounds
+    while turn <= last:
         # The first step on the sample alone: it finds which points do not belong.
         used, used_kept = (sample, sample_kept) if turn == 0 else (beams, kept)
         if known.given:
@@ -60,11 +64,14 @@ def fit_plane(
         away = plane[3] - (n0 * mean_x + n1 * mean_y + n2 * mean_z)
         centre[0], centre[1], centre[2] = mean_x + away * n0, mean_y + away * n1, mean_z + away * n2
         _turn_tangents(plane, e, f)
-        outlined = turn == 0 or turn == rounds
+        outlined = turn == 0 or turn == last
         _normal_equations(used, lean, plane, centre, e, f, gate, used_kept, outlined, g, moments)
         if moments[0] < 4.0 or (outlined and _narrow(moments)):
             return False
         solve_symmetric3(g, step)
+        moved2 = step[0] * g[0, 3] + step[1] * g[1, 3] + step[2] * g[2, 3]
+        if turn == last and last < rounds + MORE_ROUNDS and moved2 > FAR2 * moments[0]:
+            last += 1
         if follows and turn == 0:
             some = sample[:, :PROBED].copy()
             _take_following(
@@ -78,6 +85,7 @@ def fit_plane(
         plane[3] = plane[0] * centre[0] + plane[1] * centre[1] + plane[2] * centre[2] + step[2]
         size = np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
         plane /= size
+        turn += 1
     _turn_tangents(plane, e, f)
     return True
 

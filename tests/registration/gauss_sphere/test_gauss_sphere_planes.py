@@ -8,9 +8,11 @@ from plane_scans import APEX_BEHIND_MM, plates_from, random_clutter, scan_plates
 
 from registration import Scan
 from registration.gauss_sphere.beams import depth_noise, estimate_apex, fan_of
+from registration.gauss_sphere.calibrated import NOTHING_KNOWN
 from registration.gauss_sphere.growing import grown
 from registration.gauss_sphere.params import PatchParams, SegmentParams
 from registration.gauss_sphere.patches import fit_patches
+from registration.gauss_sphere.plane_fit import fit_plane
 from registration.gauss_sphere.points import Grouped
 from registration.gauss_sphere.segments import find_segments
 
@@ -141,3 +143,26 @@ def test_far_planes_of_like_orientation_stay_apart() -> None:
         n, np.array([[120.0, -60.0, 700.0], [120.0, 60.0, 800.0]]), np.full((2, 2), 50.0)
     )
     assert patches_of(scan_plates(made)).n_points.size == 2
+
+
+def test_points_of_another_plane_in_the_sample_do_not_tilt_the_fit() -> None:
+    rng = np.random.default_rng(0)
+    n, sigma = 4000, 0.3
+    x, slope = rng.uniform(-150.0, 150.0, n), rng.uniform(-0.2, 0.2, n)
+    depth = 900.0 + rng.normal(0.0, sigma, n)
+    beside = x > 60.0
+    depth[beside & (rng.random(n) < 0.5)] += 1.2  # four deviations: some are within the gate
+    beams = np.stack([x, slope, depth, np.full(n, sigma), depth])
+
+    def fitted(rounds: int) -> np.ndarray:
+        plane, kept = np.empty(4), np.empty(n, np.bool_)
+        centre, e, f, g, moments = *np.empty((3, 3)), np.empty((3, 4)), np.empty(7)
+        sample = np.ascontiguousarray(beams[:, :128])
+        assert fit_plane(
+            beams, sample, np.zeros(2), 0.0, NOTHING_KNOWN, 3.5, rounds, kept, plane, centre, e, f,
+            g, moments,
+        )  # fmt: skip
+        return plane
+
+    # With one step after the sample's and no more it is 3.4e-4.
+    assert np.linalg.norm(fitted(1)[:3] - fitted(20)[:3]) < 2e-4
