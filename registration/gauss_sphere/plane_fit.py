@@ -13,8 +13,8 @@ from registration.scan import BoolArray, FloatArray
 NARROWEST_MM = 0.1  # standard deviation across a patch
 TILT_RAD = 1e-3  # by which a plane is tilted to see how its bias follows
 PROBED = 64  # beams of a sample that tell it
-# A last step that moves points by more than this, as a mean square in variances, shows a sample with
-# points of other planes in it: other points belong then, and so many steps more may be taken.
+# A last step that moves points by more than this, as a mean square in variances, shows points of
+# other planes in the sample: other points belong then, and so many steps more may be taken.
 FAR2, MORE_ROUNDS = 0.05, 2
 LEAST_REST = 0.25  # determinant of what a tilt leaves of itself when the bias has followed it
 
