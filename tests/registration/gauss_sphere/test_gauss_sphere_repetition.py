@@ -110,7 +110,7 @@ def test_a_row_that_never_ends_is_ambiguous(seed: int) -> None:
 
 
 @pytest.mark.parametrize("turn_deg", [50.0, 60.0, 70.0])
-def test_a_cube_alone_is_never_taken_for_its_next_sides(turn_deg: float) -> None:
+def test_a_cube_is_not_taken_for_its_next_sides(turn_deg: float) -> None:
     """Of two sides of a cube in each view one is shared; a quarter turn off, both would be."""
     rng = np.random.default_rng(0)
     floor = plates_from(
