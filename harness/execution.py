@@ -50,9 +50,13 @@ def perform(trial: Trial) -> Outcome:
     try:
         return _perform(trial)
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}".splitlines()[0]
-        trace = traceback.format_exc()
-        return Outcome(Row(trial.id, trial.spec.text, "error", reason=reason, traceback=trace))
+        return _failed({"id": trial.id, "spec": trial.spec.text}, error)
+
+
+def _failed(row: dict[str, Any], error: Exception) -> Outcome:
+    """The row of a trial in which an exception was raised, with what was known before."""
+    reason = f"{type(error).__name__}: {error}".splitlines()[0]
+    return Outcome(Row(**row, status="error", reason=reason, traceback=traceback.format_exc()))
 
 
 def scan_view(spec: TrialSpec, view: ViewSpec) -> Scan:
@@ -96,7 +100,10 @@ def _perform(trial: Trial) -> Outcome:
         return Outcome(
             Row(**row, status="no_overlap", reason=reason, counts=counts, stage_ms=stage_ms)
         )
-    result = _register(spec, target, source)
+    try:
+        result = _register(spec, target, source)
+    except Exception as bug:
+        return _failed(row, bug)  # a failure of its method, on a pair of known overlap
     stage_ms |= result.stage_ms | {"registration": 1e3 * (time.perf_counter() - measured)}
     error = None
     if result.T_target_source is not None:

@@ -101,6 +101,7 @@ def test_a_bug_in_a_method_is_a_row_with_its_traceback(small_file: Path) -> None
     assert row.status == "error"
     assert row.reason == "ZeroDivisionError: a bug"
     assert "in crash" in row.traceback
+    assert row.overlap_target is not None  # so that it counts as a failure among its like
 
 
 def test_a_method_of_ones_own_takes_its_parameters(small_file: Path) -> None:
