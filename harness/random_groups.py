@@ -45,7 +45,7 @@ THRESHOLDS = tuple(
 def with_family(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows with the columns family and overlap, the smaller share of the two views.
 
-    A row without an overlap, as its method raised an error, has that of the others on its pair.
+    A row without an overlap, as its process was ended, has that of the others on its pair.
     """
     known = rows.copy()
     known["family"] = [family_of(pair) for pair in rows["pair"]]

@@ -66,9 +66,10 @@ def success_table(rows: pd.DataFrame) -> Table:
 
 
 def _left_out(rows: pd.DataFrame) -> str:
-    """How many trials stand in no band, as nobody knows their overlap: no pair was drawn."""
+    """How many trials stand in no band, as nobody knows their overlap."""
     count = int(rows["overlap"].isna().sum())
-    return f"{count} of {len(rows)} trials are not counted: no pair was drawn." if count else ""
+    told = f"{count} of {len(rows)} trials are not counted: they ended before their pair was drawn."
+    return told if count else ""
 
 
 def curve_table(rows: pd.DataFrame) -> Table:
