@@ -19,7 +19,7 @@ from registration.scan import FloatArray, IntArray, Scan
 
 FORMAT, VERSION = "profile scanner calibration", 1
 KNOWN_TO_MM = 0.1
-WIDEST = 20.0  # times as far as the other table, as methods read both on the same even nodes
+WIDEST = 20.0  # both tables together over one, as methods read both on the same even nodes
 PASSES = 8  # a biased surface is inclined by its bias: find the inclination that explains both
 
 
@@ -215,13 +215,16 @@ def _parsed(data: Any) -> Calibration:
 
 
 def _check_reaches(bias: Table, sigma: Table) -> None:
-    for key in ("depth_mm", "at"):
-        reaches = [float(np.ptp(getattr(table, key))) for table in (bias, sigma)]
-        if max(reaches) > WIDEST * min(reaches):
-            name = "depth_mm" if key == "depth_mm" else "tangent_of_incidence"
+    for key, name in (("depth_mm", "depth_mm"), ("at", "tangent_of_incidence")):
+        (low, high), (low_of_sigma, high_of_sigma) = (
+            getattr(table, key)[[0, -1]] for table in (bias, sigma)
+        )
+        both = max(high, high_of_sigma) - min(low, low_of_sigma)
+        if both > WIDEST * min(high - low, high_of_sigma - low_of_sigma):
             raise CalibrationError(
-                f"bias.{name} and sigma.{name}: reach over {reaches[0]:g} and {reaches[1]:g}; "
-                f"expected one at most {WIDEST:g} times as far as the other (constant beyond)"
+                f"bias.{name} and sigma.{name}: reach from {low:g} to {high:g} and from "
+                f"{low_of_sigma:g} to {high_of_sigma:g}; expected ranges of which both together "
+                f"are at most {WIDEST:g} times as wide as one (values are constant beyond)"
             )
 
 

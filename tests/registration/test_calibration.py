@@ -235,7 +235,13 @@ def _without(key: str) -> Callable[[dict], object]:
         (lambda data: data["sigma"]["value_mm"][0].__setitem__(0, 0.0), "not above 0"),
         (
             lambda data: data["sigma"]["depth_mm"].__setitem__(-1, 1e9),
-            "bias.depth_mm and sigma.depth_mm: reach over",
+            "bias.depth_mm and sigma.depth_mm: reach from",
+        ),
+        (
+            lambda data: data["sigma"].update(
+                tangent_of_incidence=[1e7 + t for t in data["sigma"]["tangent_of_incidence"]]
+            ),
+            "bias.tangent_of_incidence and sigma.tangent_of_incidence: reach from",
         ),
         (lambda data: data["bias"]["depth_mm"].__setitem__(0, np.nan), "bias.depth_mm: expected a"),
         (lambda data: data.update(rms_mm=[1]), "rms_mm: expected numbers by name"),
