@@ -156,7 +156,7 @@ def _follow(following: FloatArray, step: FloatArray) -> None:
     a, b = 1.0 - following[0, 0], -following[0, 1]
     c, d = -following[1, 0], 1.0 - following[1, 1]
     det = a * d - b * c
-    if det < LEAST_REST:
+    if det < LEAST_REST or a <= 0.0 or d <= 0.0:
         return
     u, v = (d * step[0] - b * step[1]) / det, (a * step[1] - c * step[0]) / det
     step[0], step[1] = u, v
