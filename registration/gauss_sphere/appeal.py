@@ -12,11 +12,9 @@ import numpy as np
 
 from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.decision import centre_of, is_thin, open_units, uncertainty
-from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import Outlines, as_ends, moved_outlines
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.patches import middle
-from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.refine import distances2, likelihood
 from registration.gauss_sphere.small_matrices import apply_step
 from registration.gauss_sphere.testimony import ANY_WAY, said
@@ -53,9 +51,6 @@ def appealed(
     shifts = np.array([t for _, t in starts])
     n = len(starts)
     all_of_them = replace(params.verification, ranked=n, kept=n, rough_stride=1)
-    poses: list[Settled] = []
-    centre = middle(source.patches)
-    distinct = params.decision.distinct_rad, params.decision.distinct_mm
     again = settle_best(
         target,
         source,
@@ -67,11 +62,7 @@ def appealed(
     if bias_mm > 0.0:
         again = [doubted(p, target.patches, source.patches, bias_mm, params) for p in again]
     fixed = [_fixed(pose, target, source, of_target, of_source, params) for pose in again]
-    for one in sorted(fixed, key=lambda pose: -pose.score):
-        known = (are_same(one.rotation, one.shift_mm, other.rotation, other.shift_mm, centre,
-                          *distinct) for other in poses)  # fmt: skip
-        if not any(known):
-            poses.append(one)
+    poses = different(fixed, source, params.decision)
     needed = max(how.least, how.confirmed_share * (of_target.line.size + of_source.line.size))
     ends = as_ends(of_target), as_ends(of_source)
     words = [said(p.rotation, p.shift_mm, target, source, ends, ANY_WAY, how) for p in poses]

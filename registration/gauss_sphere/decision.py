@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
@@ -27,7 +29,7 @@ def judge(
     appeal: outlines have been asked, too: each pose that they leave is a rival, on less surface.
     """
     best = ranked[0]
-    candidates = candidates_of(ranked, _seen_mm2(target, source))
+    candidates = candidates_of(ranked, seen_mm2(target, source))
     against = shortcoming(best, target, source, params)
     if against:
         return RegistrationResult(
@@ -49,25 +51,29 @@ def judge(
         if (appeal and p.score > params.repeat_share * best.score)
         or is_rival(p, best, target, params)
     ]
-    if rivals:
-        return RegistrationResult(
-            candidates[0].T_target_source,
-            "ambiguous",
-            f"{len(rivals) + 1} poses fit about equally well: the scanned part is symmetric or "
-            f"repeats itself, or too little is shared; the best of the others scores "
-            f"{rivals[0].score / best.score:.0%} of the first",
-            covariance=covariance,
-            candidates=candidates[1:],
-            stage="decision",
-        )
-    return RegistrationResult(
+    answer = RegistrationResult(
         candidates[0].T_target_source, "ok", covariance=covariance, candidates=candidates[1:]
+    )
+    return questioned(answer, best, rivals) if rivals else answer
+
+
+def questioned(
+    answer: RegistrationResult, best: Settled, rivals: list[Settled]
+) -> RegistrationResult:
+    """What is left of an answer that other poses could be, too, the best of them first."""
+    return replace(
+        answer,
+        status="ambiguous",
+        reason=f"{len(rivals) + 1} poses fit about equally well: the scanned part is symmetric or "
+        f"repeats itself, or too little is shared; the best of the others scores "
+        f"{rivals[0].score / best.score:.0%} of the first",
+        stage="decision",
     )
 
 
 def shortcoming(best: Settled, target: View, source: View, params: DecisionParams) -> str:
     """Why a pose is no answer, whatever the others are: too little for it, or too much against."""
-    share = best.areas[SUPPORT] / _seen_mm2(target, source)
+    share = best.areas[SUPPORT] / seen_mm2(target, source)
     against = best.areas[CONTRADICTION] / max(best.areas[SUPPORT], 1e-9)
     if share < params.least_support:
         return (
@@ -97,17 +103,20 @@ def has_sure_planes(pose: Settled, target: View, params: DecisionParams) -> bool
 
 def is_thin(pose: Settled, target: View, source: View, params: DecisionParams) -> bool:
     """Whether few planes on little surface speak for a pose that outlines had to place."""
-    share = pose.areas[SUPPORT] / _seen_mm2(target, source)
+    if agreeing_planes(pose, target, params) < params.appeal_planes:
+        return True
+    share = pose.areas[SUPPORT] / seen_mm2(target, source)
     return bool(share < params.appeal_support and not has_sure_planes(pose, target, params))
 
 
 def is_weak(best: Settled, target: View, source: View, params: DecisionParams) -> bool:
     """Whether a pose is no answer, or one on so little surface that there may be better ones."""
-    share = best.areas[SUPPORT] / _seen_mm2(target, source)
+    share = best.areas[SUPPORT] / seen_mm2(target, source)
     return bool(share < params.weak_support or shortcoming(best, target, source, params))
 
 
-def _seen_mm2(target: View, source: View) -> float:
+def seen_mm2(target: View, source: View) -> float:
+    """Surface that a view sees, in the mean of both."""
     return float(0.5 * (target.seen.sample_area.sum() + source.seen.sample_area.sum()))
 
 
@@ -118,7 +127,7 @@ def refuted(ranked: list[Settled], target: View, source: View, share: float) -> 
         "failed",
         f"the best pose is denied by {share:.0%} of the outlines of faces that both views tell of: "
         "faces of one view go on, or are missing, where the other saw them end",
-        candidates=candidates_of(ranked, _seen_mm2(target, source)),
+        candidates=candidates_of(ranked, seen_mm2(target, source)),
         stage="verification",
     )
 

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.calibrated import read_known
-from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
 from registration.gauss_sphere.patches import middle
+from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.refine import likelihood
 from registration.gauss_sphere.settling import Effort, settle_all
 from registration.gauss_sphere.translation import search_of
@@ -102,6 +103,18 @@ def settle_best(
             )
         )
     return settled
+
+
+def different(poses: list[Settled], source: View, params: DecisionParams) -> list[Settled]:
+    """The poses, best first, without those that are nearly the same as a better one."""
+    centre, kept = middle(source.patches), list[Settled]()
+    within = params.distinct_rad, params.distinct_mm
+    for one in sorted(poses, key=lambda pose: -pose.score):
+        known = (are_same(one.rotation, one.shift_mm, other.rotation, other.shift_mm, centre,
+                          *within) for other in kept)  # fmt: skip
+        if not any(known):
+            kept.append(one)
+    return kept
 
 
 @lru_cache(maxsize=8)

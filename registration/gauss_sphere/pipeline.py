@@ -11,7 +11,16 @@ from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.beams import Fan, fan_of
 from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
-from registration.gauss_sphere.decision import is_weak, judge, refuted, sliding, transforms
+from registration.gauss_sphere.decision import (
+    candidates_of,
+    is_weak,
+    judge,
+    questioned,
+    refuted,
+    seen_mm2,
+    sliding,
+    transforms,
+)
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import grown
 from registration.gauss_sphere.matching import Settled, settle_best
@@ -21,6 +30,7 @@ from registration.gauss_sphere.patches import Patches, fit_patches
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.straightening import straightened
+from registration.gauss_sphere.symmetry import turned_rivals
 from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.view import View, view_of
@@ -127,6 +137,8 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     if bias_mm > 0.0:
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
     settled, result = _judged(settled, target, source, bias_mm, params)
+    if result.status == "ok":
+        result = _unless_turned(result, settled, target, source, params)
     best = settled[0]
     if bias_mm > 0.0:
         about = UNFIT if params.calibration else BENT
@@ -167,6 +179,22 @@ def _judged(
     if result.status == "ok":
         result = refuted(settled, target, source, denied)
     return settled, result
+
+
+def _unless_turned(
+    answer: RegistrationResult,
+    settled: list[Settled],
+    target: View,
+    source: View,
+    params: GaussSphereParams,
+) -> RegistrationResult:
+    """The answer, "ambiguous" if it could as well be turned about one of its few planes."""
+    rivals = turned_rivals(settled[0], target, source, params)
+    if not rivals:
+        return answer
+    others = candidates_of(rivals, seen_mm2(target, source))
+    answer = replace(answer, candidates=(*others, *answer.candidates))
+    return questioned(answer, settled[0], rivals)
 
 
 def _marks(target: View, source: View) -> tuple[str, ...]:
