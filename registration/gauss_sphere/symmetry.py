@@ -29,6 +29,7 @@ from registration.scan import FloatArray
 
 TURNS_DEG = (60.0, 90.0, 120.0, 180.0, 240.0, 270.0, 300.0)  # of prisms with 2, 3, 4 or 6 sides
 WIDEST_STEP_MM, LEAST_STEP_MM = 16.0, 2.0
+LEAST_CONFIRMED = 0.5  # of what is denied, as where a pose is a cell or two beside its place
 FAR_OFF = 0.5  # contradiction over support from which on a pose is not moved to where it may fit
 
 
@@ -37,8 +38,8 @@ def turned_rivals(
 ) -> list[Settled]:
     """The pose turned about the middles of its planes, where the scans allow it, best first.
 
-    They do if it lays surface on surface, puts next to nothing in free space, and ends of faces
-    confirm it rather than deny it. None is looked for where more than params.decision.sure_planes
+    They do if it lays surface on surface, puts next to nothing in free space, and many ends of
+    faces confirm it. None is looked for where more than params.decision.sure_planes
     agree, which few things have in a symmetric order.
     """
     decision, how = params.decision, params.outlines
@@ -52,7 +53,7 @@ def turned_rivals(
     rivals = []
     for pose in turned:
         confirmed, denied = said(pose.rotation, pose.shift_mm, target, source, ends, ANY_WAY, how)
-        if confirmed >= max(needed, denied):
+        if confirmed >= max(needed, LEAST_CONFIRMED * denied):
             rivals.append(pose)
     return different(rivals, source, decision)
 
