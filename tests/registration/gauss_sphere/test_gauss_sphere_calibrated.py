@@ -33,13 +33,13 @@ def calibration(form: str) -> Calibration:
     return Calibration(form, apex_mm, Table(DEPTH_MM, at, value), sigma)  # type: ignore[arg-type]  # a str parameter
 
 
-def biased(made: Plates, form: str, noise: float) -> Scan:
+def biased(made: Plates, form: str, noise: float, seed: int = 0) -> Scan:
     """Exact points of plates, each moved along its beam by the bias there, with noise."""
     exact = scan_plates(made)
     points_mm = exact.points_mm.copy()
     model = calibration(form)
     slope = points_mm[..., 1] / (points_mm[..., 2] + 60.0)
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     for centre, axes in zip(made.centre_mm, made.axes, strict=True):
         on = np.abs((points_mm - centre) @ axes[2]) < 1e-6
         cos = np.abs(axes[2, 1] * slope + axes[2, 2]) / np.sqrt(1.0 + slope**2)
@@ -128,6 +128,25 @@ def test_one_step_on_all_points_is_enough(form: str, made: Plates, tmp_path: Pat
         tilt = often.basis[i] @ once.normal[i]
         offset = once.normal[i] @ often.centroid_mm[i] - once.offset_mm[i]
         assert (np.abs([*tilt, offset]) < 0.3 * sigma).all()
+
+
+@pytest.mark.parametrize("aside", [0.05, 0.15, 0.3])
+def test_covariances_hold_where_the_bias_follows_the_plane(aside: float, tmp_path: Path) -> None:
+    """A plane that tilts takes its bias along, so its errors are larger than its points' noise."""
+    path = tmp_path / "calibration.json"
+    calibration("incidence").write(path)
+    params = GaussSphereParams(calibration=str(path))
+    normal = np.array([0.05, aside, -1.0]) / np.linalg.norm([0.05, aside, 1.0])
+    one = plates_from(normal[None], np.array([[150.0, 0.0, 800.0]]), np.array([[60.0, 60.0]]))
+    errors = []
+    for seed in range(40):
+        found = describe(biased(one, "incidence", 0.5, seed), params).patches
+        sigma = np.sqrt(np.diag(found.covariance[0]))[:2]
+        errors.append(found.basis[0] @ normal / sigma)
+    # The deviation of 40 values is known to a ninth.
+    assert np.std(errors, axis=0).max() < 1.4
+    assert np.std(errors, axis=0).min() > 0.7
+    assert np.abs(np.mean(errors, axis=0)).max() < 0.5
 
 
 def test_points_are_weighted_by_the_noise_of_their_inclination(made: Plates) -> None:
