@@ -39,11 +39,11 @@ def turned_rivals(
     """The pose turned about the middles of its planes, where the scans allow it, best first.
 
     They do if it lays surface on surface, puts next to nothing in free space, and many ends of
-    faces confirm it. None is looked for where more than params.decision.sure_planes
+    faces confirm it. None is looked for where more than params.decision.turned_planes
     agree, which few things have in a symmetric order.
     """
     decision, how = params.decision, params.outlines
-    if agreeing_planes(best, target, decision) > decision.sure_planes:
+    if agreeing_planes(best, target, decision) > decision.turned_planes:
         return []
     turned = _turned(best, target, source, params)
     if not turned:

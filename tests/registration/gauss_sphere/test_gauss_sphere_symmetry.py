@@ -83,7 +83,7 @@ def test_the_true_pose_of_a_cube_is_among_the_candidates(seed: int) -> None:
 def test_things_without_a_symmetry_have_no_turned_rival(seed: int) -> None:
     """However few planes it stands on: here all are asked, as if they were few."""
     pair = clutter_pair(seed, noise=1.0)
-    every = replace(PARAMS, decision=replace(PARAMS.decision, sure_planes=99))
+    every = replace(PARAMS, decision=replace(PARAMS.decision, turned_planes=99))
     target, source = (describe(scan, every) for scan in (pair.target, pair.source))
     rotation = np.ascontiguousarray(pair.T_target_source.rotation.as_matrix())
     shift_mm = np.asarray(pair.T_target_source.translation)
