@@ -204,12 +204,12 @@ def _marks(target: View, source: View) -> tuple[str, ...]:
         fan = view.fan
         depth_mm = fan.depth_mm + fan.apex_mm[2]
         aside_mm = fan.slope * fan.depth_mm + fan.apex_mm[1]
-        zeros = np.count_nonzero((abs(depth_mm) < NEAREST_MM) & (abs(aside_mm) < NEAREST_MM))
+        near = np.count_nonzero((abs(depth_mm) < NEAREST_MM) & (abs(aside_mm) < NEAREST_MM))
         far = np.count_nonzero(depth_mm > FARTHEST_MM)
-        if zeros:
+        if near:
             notes.append(
-                f"{zeros} of {np.isfinite(depth_mm).sum()} points of the {name} scan lie at "
-                "Y = Z = 0, as zeros do: where nothing returned, give NaN"
+                f"{near} of {np.isfinite(depth_mm).sum()} points of the {name} scan lie within "
+                f"{NEAREST_MM:g} mm of Y = Z = 0: where nothing returned, give NaN, and lengths in mm"
             )
         if far:
             notes.append(

@@ -75,8 +75,16 @@ def test_zeros_in_place_of_no_return_are_named_where_no_answer_is_found(
     result = register(scan, scan, params=params)
     assert result.status != "ok"
     target, source = result.notes[-2:]
-    assert target.startswith("1280 of 1280 points of the target scan lie at Y = Z = 0")
+    assert target.startswith("1280 of 1280 points of the target scan lie within 10 mm of Y")
     assert "NaN" in source
+
+
+def test_scans_in_metres_are_told_that_lengths_are_in_mm() -> None:
+    pair = clutter_pair(0, noise=1.0)
+    scans = [Scan.from_points(1e-3 * scan.points_mm, 5e-3) for scan in (pair.target, pair.source)]
+    result = register(*scans)
+    assert result.status == "failed"
+    assert result.notes[-1].endswith("lengths in mm")
 
 
 @pytest.mark.parametrize("seed", SEEDS)
