@@ -39,8 +39,8 @@ def turned_rivals(
     """The pose turned about the middles of its planes, where the scans allow it, best first.
 
     They do if it lays surface on surface, puts next to nothing in free space, and many ends of
-    faces confirm it. None is looked for where more than params.decision.turned_planes
-    agree, which few things have in a symmetric order.
+    faces confirm it. None is looked for where more than params.decision.turned_planes agree: few
+    things have so many in a symmetric order.
     """
     decision, how = params.decision, params.outlines
     if agreeing_planes(best, target, decision) > decision.turned_planes:
@@ -59,7 +59,10 @@ def turned_rivals(
 
 
 def _turned(best: Settled, target: View, source: View, params: GaussSphereParams) -> list[Settled]:
-    """The pose turned about its planes, and moved along them, where free space allows it."""
+    """The pose turned about its planes, and moved along them, where free space allows it.
+
+    Pairs and information stay those of the best pose: the turned ones are told by score and areas.
+    """
     a, b, decision = target.patches, source.patches, params.decision
     pairs = best.pairs[best.distance2 < decision.agreeing_distance2]
     turns = np.deg2rad(TURNS_DEG)[:, None] * a.normal[pairs[:, 0], None]
