@@ -209,7 +209,7 @@ def _marks(target: View, source: View) -> tuple[str, ...]:
         if near:
             notes.append(
                 f"{near} of {np.isfinite(depth_mm).sum()} points of the {name} scan lie within "
-                f"{NEAREST_MM:g} mm of Y = Z = 0: give NaN where nothing returned, and lengths in mm"
+                f"{NEAREST_MM:g} mm of Y = Z = 0: give NaN where nothing returned, lengths in mm"
             )
         if far:
             notes.append(
