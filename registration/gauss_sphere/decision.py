@@ -139,29 +139,34 @@ def candidates_of(ranked: list[Settled], seen_mm2: float) -> tuple[Candidate, ..
 
 def agreeing_planes(pose: Settled, target: View, params: DecisionParams) -> int:
     """Number of different planes that agree within their noise: pieces of one plane are one."""
-    return _different(
-        target.patches,
-        pose.pairs[pose.distance2 < params.agreeing_distance2, 0],
-        params.same_plane_rad,
-        params.same_plane_mm,
-    )
+    return len(agreeing_patches(pose, target, params))
+
+
+def agreeing_patches(pose: Settled, target: View, params: DecisionParams) -> IntArray:
+    """(m, 2) pairs that agree within their noise, one of each different plane of the target."""
+    pairs = pose.pairs[pose.distance2 < params.agreeing_distance2]
+    one_each = _different(target.patches, pairs[:, 0], params.same_plane_rad, params.same_plane_mm)
+    chosen: IntArray = pairs[one_each]
+    return chosen
 
 
 @compiled
-def _different(patches: Patches, chosen: IntArray, same_rad: float, same_mm: float) -> int:
+def _different(patches: Patches, chosen: IntArray, same_rad: float, same_mm: float) -> IntArray:
+    """Which of the chosen patches are of different planes, the first of each."""
     different, n = np.empty(chosen.size, np.int64), 0
-    for i in chosen:
-        new = True
-        for k in different[:n]:
+    for c in range(chosen.size):
+        i, new = chosen[c], True
+        for other in different[:n]:
+            k = chosen[other]
             away2 = 0.0
             for u in range(3):
                 away2 += (patches.normal[i, u] - patches.normal[k, u]) ** 2
             apart = abs(patches.offset_mm[i] - patches.offset_mm[k]) > same_mm
             new = new and (np.sqrt(away2) > same_rad or apart)
         if new:
-            different[n] = i
+            different[n] = c
             n += 1
-    return n
+    return different[:n]
 
 
 def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams) -> bool:
@@ -245,6 +250,11 @@ def uncertainty(
         + "; ".join(names)
     )
     return None, directions, reason
+
+
+def covariance_of(pose: Settled, target: View, params: DecisionParams) -> FloatArray | None:
+    """Covariance of a pose, or None where its planes leave a direction open or none are known."""
+    return uncertainty(pose, pose.sure, target, params)[0] if pose.pairs.size else None
 
 
 def open_units(pose: Settled, target: View, params: DecisionParams) -> FloatArray:

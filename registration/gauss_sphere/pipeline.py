@@ -13,6 +13,7 @@ from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import (
     candidates_of,
+    covariance_of,
     is_weak,
     judge,
     questioned,
@@ -23,7 +24,7 @@ from registration.gauss_sphere.decision import (
 )
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import grown
-from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, fit_patches
@@ -138,7 +139,7 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
     settled, result = _judged(settled, target, source, bias_mm, params)
     if result.status == "ok":
-        result = _unless_turned(result, settled, target, source, params)
+        settled, result = _unless_turned(settled, result, target, source, params)
     best = settled[0]
     if bias_mm > 0.0:
         about = UNFIT if params.calibration else BENT
@@ -182,19 +183,30 @@ def _judged(
 
 
 def _unless_turned(
-    answer: RegistrationResult,
     settled: list[Settled],
+    answer: RegistrationResult,
     target: View,
     source: View,
     params: GaussSphereParams,
-) -> RegistrationResult:
-    """The answer, "ambiguous" if it could as well be turned about one of its few planes."""
+) -> tuple[list[Settled], RegistrationResult]:
+    """The answer, "ambiguous" if the best pose could as well be turned about one of its few planes.
+
+    Then all poses are ordered anew: a turned one may fit better.
+    """
+    decision = params.decision
     rivals = turned_rivals(settled[0], target, source, params)
     if not rivals:
-        return answer
-    others = candidates_of(rivals, seen_mm2(target, source))
-    answer = replace(answer, candidates=(*others, *answer.candidates))
-    return questioned(answer, settled[0], rivals)
+        return settled, answer
+    alike = different([settled[0], *rivals], source, decision)
+    poses = different([*alike, *settled[1:]], source, decision)
+    first, *others = candidates_of(poses, seen_mm2(target, source))
+    answer = replace(
+        answer,
+        T_target_source=first.T_target_source,
+        covariance=covariance_of(poses[0], target, decision),
+        candidates=tuple(others),
+    )
+    return poses, questioned(answer, alike[0], alike[1:])
 
 
 def _marks(target: View, source: View) -> tuple[str, ...]:

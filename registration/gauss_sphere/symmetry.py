@@ -10,27 +10,35 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from registration.gauss_sphere.decision import agreeing_planes
-from registration.gauss_sphere.matching import Settled, different
-from registration.gauss_sphere.outlines import as_ends, outlines_of
-from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.testimony import ANY_WAY, said
+from registration.gauss_sphere.decision import agreeing_patches
+from registration.gauss_sphere.matching import Settled, different, settle_best
+from registration.gauss_sphere.outlines import Ends, as_ends, outlines_of
+from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
+from registration.gauss_sphere.testimony import said_of_ends
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
     SUPPORT,
     Comparison,
     compare_both,
+    compared,
     comparison,
     score_of,
 )
 from registration.gauss_sphere.view import View
 from registration.kernels import compiled
-from registration.scan import FloatArray
+from registration.scan import FloatArray, IntArray
 
-TURNS_DEG = (60.0, 90.0, 120.0, 180.0, 240.0, 270.0, 300.0)  # of prisms with 2, 3, 4 or 6 sides
+SIDES_OF_PRISMS = (2, 3, 4, 5, 6, 8)  # that look the same a turn of 360 degrees / sides further
+TURNS_DEG = tuple(sorted({360.0 * k / n for n in SIDES_OF_PRISMS for k in range(1, n)}))
 WIDEST_STEP_MM, LEAST_STEP_MM = 16.0, 2.0
-LEAST_CONFIRMED = 0.5  # of what is denied, as where a pose is a cell or two beside its place
-FAR_OFF = 0.5  # contradiction over support from which on a pose is not moved to where it may fit
+MOST_STEPS = 24  # that a pose is moved by, of all widths together
+WORTH_MOVING = (
+    0.5  # of the score that a rival needs, from which on a pose is moved to where it fits
+)
+NEARLY, NEARLY_FREE = 0.8, 0.05  # score it needs and contradiction allowed before it is placed
+FAR_OFF = 0.5  # contradiction over support from which on it is not
+OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
+LEAST_CONFIRMED = 1.0  # of what is denied
 
 
 def turned_rivals(
@@ -39,35 +47,63 @@ def turned_rivals(
     """The pose turned about the middles of its planes, where the scans allow it, best first.
 
     They do if it lays surface on surface, puts next to nothing in free space, and many ends of
-    faces confirm it. None is looked for where more than params.decision.turned_planes agree: few
-    things have so many in a symmetric order.
+    faces confirm it. None is looked for where more than params.decision.turned_planes agree.
     """
     decision, how = params.decision, params.outlines
-    if agreeing_planes(best, target, decision) > decision.turned_planes:
+    agreeing = agreeing_patches(best, target, decision)
+    if len(agreeing) > decision.turned_planes:
         return []
-    turned = _turned(best, target, source, params)
+    turned = _turned(best, agreeing, target, source, params)
     if not turned:
         return []
     ends = as_ends(outlines_of(target, how)), as_ends(outlines_of(source, how))
     needed = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
-    rivals = []
-    for pose in turned:
-        confirmed, denied = said(pose.rotation, pose.shift_mm, target, source, ends, ANY_WAY, how)
-        if confirmed >= max(needed, LEAST_CONFIRMED * denied):
-            rivals.append(pose)
+    tolerance_mm = params.match.tolerances_mm[-1]
+    rivals, axes = [], {id(pose): along for pose, along in turned}
+    for pose in different([pose for pose, _ in turned], source, decision):
+        t = pose.shift_mm.copy()
+        confirmed, denied = _placed(
+            target, source, *ends, pose.rotation, t, axes[id(pose)], np.array(OPEN_STEPS_MM),
+            how.off_mm, how.on_mm, how.behind_mm,
+        )  # fmt: skip
+        areas, score = compared(target, source, pose.rotation, t, tolerance_mm, params.verification)
+        placed = pose._replace(shift_mm=t, areas=areas, score=score)
+        if confirmed >= max(needed, LEAST_CONFIRMED * denied) and _allowed(placed, best, decision):
+            rivals.append(_settled(placed, target, source, params))
     return different(rivals, source, decision)
 
 
-def _turned(best: Settled, target: View, source: View, params: GaussSphereParams) -> list[Settled]:
+def _settled(pose: Settled, target: View, source: View, params: GaussSphereParams) -> Settled:
+    """The pose as its planes have it, or as it is where they turn it away or fit the less.
+
+    Two planes that are nearly parallel turn a pose by their noise, and by much.
+    """
+    again = settle_best(
+        target, source, pose.rotation[None], pose.shift_mm[None], params, look_again=False
+    )
+    if (
+        again
+        and again[0].score > pose.score
+        and len(different([pose, again[0]], source, params.decision)) == 1
+    ):
+        return again[0]
+    return pose
+
+
+def _turned(
+    best: Settled, agreeing: IntArray, target: View, source: View, params: GaussSphereParams
+) -> list[tuple[Settled, FloatArray]]:
     """The pose turned about its planes, and moved along them, where free space allows it.
 
-    Pairs and information stay those of the best pose: the turned ones are told by score and areas.
+    agreeing: (m, 2) patches of target and source, a pair a plane. The turned poses are told by
+    score and areas; which planes they match is not looked up. With each go the two directions,
+    (2, 3), along which it was moved.
     """
     a, b, decision = target.patches, source.patches, params.decision
-    pairs = best.pairs[best.distance2 < decision.agreeing_distance2]
-    turns = np.deg2rad(TURNS_DEG)[:, None] * a.normal[pairs[:, 0], None]
+    turns = np.deg2rad(TURNS_DEG)[:, None] * a.normal[agreeing[:, 0], None]
     rotations = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix() @ best.rotation
-    of_target, of_source = np.repeat(pairs, len(TURNS_DEG), axis=0).T
+    of_target, of_source = np.repeat(agreeing, len(TURNS_DEG), axis=0).T
+    along = a.basis[of_target]
     moved = np.einsum("nij,nj->ni", rotations, b.centroid_mm[of_source])
     shifts = a.centroid_mm[of_target] - moved
     areas, score = _fitted(
@@ -76,17 +112,68 @@ def _turned(best: Settled, target: View, source: View, params: GaussSphereParams
         comparison(params.verification),
         rotations,
         shifts,
-        a.basis[of_target],
+        along,
         params.match.tolerances_mm[-1],
         params.match.strides[0],
+        decision.repeat_share * best.score,
     )
-    free = areas[:, CONTRADICTION] <= decision.plain_contradiction * areas[:, SUPPORT]
-    return [
-        best._replace(
+    rough = best._replace(
+        information=np.zeros((6, 6)), sure=np.zeros((6, 6)), pairs=best.pairs[:0],
+        distance2=best.distance2[:0],
+    )  # fmt: skip
+    found = []
+    free = areas[:, CONTRADICTION] <= NEARLY_FREE * areas[:, SUPPORT]
+    for c in np.flatnonzero(free & (score > NEARLY * decision.repeat_share * best.score)):
+        pose = rough._replace(
             rotation=rotations[c], shift_mm=shifts[c], areas=areas[c], score=float(score[c])
         )
-        for c in np.flatnonzero(free & (score > decision.repeat_share * best.score))
-    ]
+        found.append((pose, along[c]))
+    return found
+
+
+def _allowed(pose: Settled, best: Settled, params: DecisionParams) -> bool:
+    """Whether a pose lays enough surface on surface, and next to nothing in free space."""
+    free = pose.areas[CONTRADICTION] <= params.plain_contradiction * pose.areas[SUPPORT]
+    return bool(free and pose.score > params.repeat_share * best.score)
+
+
+@compiled
+def _placed(
+    target: View,
+    source: View,
+    of_target: Ends,
+    of_source: Ends,
+    r: FloatArray,
+    t: FloatArray,
+    along: FloatArray,
+    steps_mm: FloatArray,
+    off_mm: float,
+    on_mm: float,
+    behind_mm: float,
+) -> tuple[int, int]:
+    """Move a pose along two directions to where most ends of faces confirm it, and fewest deny it.
+
+    Support does not tell where along its planes it is. t (3,) is changed in place; along: (2, 3).
+    Returns how many ends confirm it, and how many deny it.
+    """
+    any_way, trial, how = np.zeros(3), np.empty(3), (off_mm, on_mm, behind_mm)
+    said = said_of_ends(r, t, target, source, of_target, of_source, any_way, *how)
+    for step_mm in steps_mm:
+        for _ in range(3):
+            better = False
+            for axis in range(2):
+                for step in (-step_mm, step_mm):
+                    for u in range(3):
+                        trial[u] = t[u] + step * along[axis, u]
+                    there = said_of_ends(
+                        r, trial, target, source, of_target, of_source, any_way, *how
+                    )
+                    if there[0] - there[1] > said[0] - said[1]:
+                        said, better = there, True
+                        t[:] = trial
+            if not better:
+                break
+    return said
 
 
 @compiled
@@ -99,10 +186,12 @@ def _fitted(
     along: FloatArray,
     tolerance_mm: float,
     stride: int,
+    needed: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Areas (n, 4) and scores (n,) of poses, each moved along two directions to a better score.
 
     A pose that starts far from fitting is left where it is, with a score of 0.
+    needed: score below which a pose is of no use.
     rotations (n, 3, 3), shifts (n, 3), changed in place; along: (n, 2, 3).
     """
     n = shifts.shape[0]
@@ -113,9 +202,11 @@ def _fitted(
         r, t, step_mm = rotations[c], shifts[c], WIDEST_STEP_MM
         compare_both(*seen, how, r, t, tolerance_mm, stride, counts, some)
         best = score_of(how, some)
-        if some[CONTRADICTION] > FAR_OFF * some[SUPPORT]:
+        if some[CONTRADICTION] > FAR_OFF * some[SUPPORT] or best < WORTH_MOVING * needed:
             continue
-        while step_mm >= LEAST_STEP_MM:
+        for _ in range(MOST_STEPS):
+            if step_mm < LEAST_STEP_MM:
+                break
             better = False
             for axis in range(2):
                 for step in (-step_mm, step_mm):

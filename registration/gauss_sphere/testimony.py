@@ -64,12 +64,12 @@ def said(
     across: (3,) only those count that lead out of the face along it; 0 for all.
     """
     how = params.off_mm, params.on_mm, params.behind_mm
-    counts: tuple[int, int] = _said(r, t, target, source, *ends, across, *how)
+    counts: tuple[int, int] = said_of_ends(r, t, target, source, *ends, across, *how)
     return counts
 
 
 @compiled
-def _said(
+def said_of_ends(
     r: FloatArray,
     t: FloatArray,
     target: View,
@@ -81,6 +81,7 @@ def _said(
     on_mm: float,
     behind_mm: float,
 ) -> tuple[int, int]:
+    """As `said`, for compiled loops."""
     back_r, back_t, back_across = r.T.copy(), np.zeros(3), np.zeros(3)
     for u in range(3):
         for v in range(3):
@@ -107,7 +108,9 @@ def _said_of_some(
 ) -> tuple[int, int]:
     of_target = ends_of(target.fan, target.patches, behind_mm, missing_pixels, every)
     of_source = ends_of(source.fan, source.patches, behind_mm, missing_pixels, every)
-    return _said(r, t, target, source, of_target, of_source, np.zeros(3), off_mm, on_mm, behind_mm)
+    return said_of_ends(
+        r, t, target, source, of_target, of_source, np.zeros(3), off_mm, on_mm, behind_mm
+    )
 
 
 @compiled
