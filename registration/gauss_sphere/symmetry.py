@@ -14,6 +14,7 @@ from registration.gauss_sphere.decision import agreeing_patches
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import Ends, as_ends, outlines_of
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
+from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.testimony import said_of_ends
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
@@ -114,8 +115,9 @@ def _turned(
         shifts,
         along,
         params.match.tolerances_mm[-1],
-        params.match.strides[0],
+        np.array([params.verification.rough_stride, params.match.strides[0]]),
         decision.repeat_share * best.score,
+        decision.distinct_rad,
     )
     rough = best._replace(
         information=np.zeros((6, 6)), sure=np.zeros((6, 6)), pairs=best.pairs[:0],
@@ -185,39 +187,70 @@ def _fitted(
     shifts: FloatArray,
     along: FloatArray,
     tolerance_mm: float,
-    stride: int,
+    strides: IntArray,
     needed: float,
+    distinct_rad: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Areas (n, 4) and scores (n,) of poses, each moved along two directions to a better score.
 
-    A pose that starts far from fitting is left where it is, with a score of 0.
-    needed: score below which a pose is of no use.
-    rotations (n, 3, 3), shifts (n, 3), changed in place; along: (n, 2, 3).
+    The best are moved first, and only one of those that are turned alike. The rest is left where it
+    is, with a score of 0.
+    strides: (2,) of the samples that are looked at, to find the best starts and to move them;
+    needed: score that a pose needs. rotations (n, 3, 3); shifts (n, 3), changed in place;
+    along: (n, 2, 3).
     """
-    n = shifts.shape[0]
+    n, nowhere = shifts.shape[0], np.zeros(3)
     areas, score, seen = np.zeros((n, 4)), np.zeros(n), (target.seen, source.seen)
     counts = np.empty((target.patches.n_points.size, source.patches.n_points.size), np.int64)
-    some, trial = np.empty(4), np.empty(3)
+    some, start = np.empty(4), np.empty(n)
     for c in range(n):
-        r, t, step_mm = rotations[c], shifts[c], WIDEST_STEP_MM
-        compare_both(*seen, how, r, t, tolerance_mm, stride, counts, some)
-        best = score_of(how, some)
-        if some[CONTRADICTION] > FAR_OFF * some[SUPPORT] or best < WORTH_MOVING * needed:
+        compare_both(*seen, how, rotations[c], shifts[c], tolerance_mm, strides[0], counts, some)
+        far = some[CONTRADICTION] > FAR_OFF * some[SUPPORT]
+        start[c] = 0.0 if far else score_of(how, some)
+    for c in np.argsort(-start, kind="mergesort"):
+        if start[c] < WORTH_MOVING * needed:
+            break
+        r, t, known = rotations[c], shifts[c], False
+        for k in range(n):
+            known = known or (
+                score[k] > needed
+                and are_same(r, nowhere, rotations[k], nowhere, nowhere, distinct_rad, np.inf)
+            )
+        if known:
             continue
-        for _ in range(MOST_STEPS):
-            if step_mm < LEAST_STEP_MM:
-                break
-            better = False
-            for axis in range(2):
-                for step in (-step_mm, step_mm):
-                    for u in range(3):
-                        trial[u] = t[u] + step * along[c, axis, u]
-                    compare_both(*seen, how, r, trial, tolerance_mm, stride, counts, some)
-                    if score_of(how, some) > best:
-                        best, better = score_of(how, some), True
-                        t[:] = trial
-            if not better:
-                step_mm *= 0.5
+        _move_to_fit(target, source, how, r, t, along[c], tolerance_mm, strides[1], counts)
         compare_both(*seen, how, r, t, tolerance_mm, 1, counts, areas[c])
         score[c] = score_of(how, areas[c])
     return areas, score
+
+
+@compiled
+def _move_to_fit(
+    target: View,
+    source: View,
+    how: Comparison,
+    r: FloatArray,
+    t: FloatArray,
+    along: FloatArray,
+    tolerance_mm: float,
+    stride: int,
+    counts: IntArray,
+) -> None:
+    """Move a pose along two directions (2, 3) to a better score: t (3,) is changed in place."""
+    seen, some, trial = (target.seen, source.seen), np.empty(4), np.empty(3)
+    compare_both(*seen, how, r, t, tolerance_mm, stride, counts, some)
+    best, step_mm = score_of(how, some), WIDEST_STEP_MM
+    for _ in range(MOST_STEPS):
+        if step_mm < LEAST_STEP_MM:
+            break
+        better = False
+        for axis in range(2):
+            for step in (-step_mm, step_mm):
+                for u in range(3):
+                    trial[u] = t[u] + step * along[axis, u]
+                compare_both(*seen, how, r, trial, tolerance_mm, stride, counts, some)
+                if score_of(how, some) > best:
+                    best, better = score_of(how, some), True
+                    t[:] = trial
+        if not better:
+            step_mm *= 0.5
