@@ -45,6 +45,7 @@ CONFIG = ROOT / "configs" / "random_pairs.yaml"
 CALIBRATION = str(ROOT / "configs" / "calibration" / "jupiter.json")
 LITTLE_NOISE = {
     **dict.fromkeys(SWITCHES, False), "bulge": "none", "gaussian": True,
+    # The noise grows with the distance, so the far one must be the larger.
     "sigma_near_mm": 0.1, "sigma_far_mm": 0.1001, "sigma_incidence": 0.0,
 }  # fmt: skip
 STATUSES = ("ambiguous", "underdetermined", "failed")
@@ -85,7 +86,7 @@ def cube(rng: np.random.Generator) -> list[Solid]:
 
 
 def one_box(rng: np.random.Generator) -> list[Solid]:
-    """A box on the floor, and nothing else: half a turn of it looks the same, and more of some."""
+    """A box on the floor, and nothing else: half a turn looks the same, or a quarter if square."""
     size = rng.uniform(0.15, 0.3, 2)
     square = rng.random() < 0.5
     sides = [size[0], size[0] if square else size[1], rng.uniform(0.06, 0.2)]
@@ -98,6 +99,22 @@ def two_boxes(rng: np.random.Generator) -> list[Solid]:
     away = rng.uniform(0.1, 0.15, 2)
     places = enumerate(([*-away, 0.0], [*away, 0.0]))
     return [FLOOR, *(box(f"box{i}", sides, place, yaw) for i, place in places)]
+
+
+def tiers(rng: np.random.Generator) -> list[Solid]:
+    """Three boxes on each other, each narrower than the one below: half a turn looks the same."""
+    yaw, slimmer, heights = (
+        turned(rng.uniform(0, 90)),
+        rng.uniform(0.7, 1.0),
+        rng.uniform(0.03, 0.06, 3),
+    )
+    return [
+        FLOOR,
+        *(
+            box(f"tier{i}", [width, slimmer * width, heights[i]], [0, 0, heights[:i].sum()], yaw)
+            for i, width in enumerate((0.28, 0.19, 0.1))
+        ),
+    ]
 
 
 def corner(rng: np.random.Generator) -> list[Solid]:
@@ -169,7 +186,7 @@ KINDS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
     kind.__name__: kind
     for kind in (
         shelf, grid, louvre, cube, one_box, two_boxes, corner, three_directions, upright, roofs,
-        round_things,
+        round_things, tiers,
     )
 }  # fmt: skip
 

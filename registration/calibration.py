@@ -224,7 +224,7 @@ def _check_reaches(bias: Table, sigma: Table) -> None:
             raise CalibrationError(
                 f"bias.{name} and sigma.{name}: reach from {low:g} to {high:g} and from "
                 f"{low_of_sigma:g} to {high_of_sigma:g}; expected ranges of which both together "
-                f"are at most {WIDEST:g} times as wide as one (values are constant beyond)"
+                f"are at most {WIDEST:g} times as wide as the narrower (values are constant beyond)"
             )
 
 

@@ -102,7 +102,10 @@ def has_sure_planes(pose: Settled, target: View, params: DecisionParams) -> bool
 
 
 def is_thin(pose: Settled, target: View, source: View, params: DecisionParams) -> bool:
-    """Whether few planes on little surface speak for a pose that outlines had to place."""
+    """Whether too little speaks for a pose that outlines had to place.
+
+    Fewer than params.appeal_planes planes are too few on any surface, and few ones on little of it.
+    """
     if agreeing_planes(pose, target, params) < params.appeal_planes:
         return True
     share = pose.areas[SUPPORT] / seen_mm2(target, source)

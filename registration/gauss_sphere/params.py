@@ -278,7 +278,8 @@ class DecisionParams:
     appeal_support: the same as large_support where outlines had to say where planes lie: like
         parts of one scene reached three planes on 36 %. appeal_planes: that must agree there: two
         are any edge of a box.
-    turned_planes: where at most so many agree, the pose is tried turned about each of them.
+    turned_planes: where at most so many agree, the pose is tried turned about each of them: three
+        tiers and the floor have seven to nine.
     same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
     rival_share: share of the best score at which another pose makes the answer ambiguous.
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a
@@ -296,7 +297,7 @@ class DecisionParams:
     large_support: float = 0.3
     appeal_support: float = 0.45
     appeal_planes: int = 3
-    turned_planes: int = 5
+    turned_planes: int = 12
     agreeing_distance2: float = 14.0
     same_plane_rad: float = 0.03
     same_plane_mm: float = 5.0

@@ -151,7 +151,8 @@ def _take_following(
 def _follow(following: FloatArray, step: FloatArray) -> None:
     """Lengthen a step to where it ends when the bias has followed it.
 
-    A bias that follows nearly as far as the plane tilts has no such place.
+    A bias that follows nearly as far as the plane tilts has no such place, nor has one that follows
+    farther: both leave the step as it is.
     """
     a, b = 1.0 - following[0, 0], -following[0, 1]
     c, d = -following[1, 0], 1.0 - following[1, 1]

@@ -167,6 +167,9 @@ def test_few_planes_on_little_surface_are_not_placed_by_outlines() -> None:
     for enough in (replace(asked, sure_planes=2), replace(asked, appeal_support=0.3)):
         placed = register(pair.target, pair.source, params=GaussSphereParams(decision=enough))
         assert placed.status == "ok", placed.reason
+    more_planes = replace(asked, appeal_support=0.3, appeal_planes=20)
+    result = register(pair.target, pair.source, params=GaussSphereParams(decision=more_planes))
+    assert result.status == "underdetermined"
 
 
 def test_a_bias_of_the_planes_does_not_undo_what_outlines_fix() -> None:
