@@ -78,7 +78,7 @@ def fit_plane(
                 some, lean, apex_z_mm, known, gate, plane, centre, e, f, following
             )  # fmt: skip
         if follows:
-            _follow(following, step)
+            let_follow(following, step)
         for t in range(3):
             plane[t] += step[0] * e[t] + step[1] * f[t]
         # The offset moves at the centre, about which the plane tilts.
@@ -148,7 +148,7 @@ def _take_following(
 
 
 @compiled
-def _follow(following: FloatArray, step: FloatArray) -> None:
+def let_follow(following: FloatArray, step: FloatArray) -> None:
     """Lengthen a step to where it ends when the bias has followed it.
 
     A bias that follows nearly as far as the plane tilts has no such place, nor has one that follows

@@ -33,11 +33,9 @@ SIDES_OF_PRISMS = (2, 3, 4, 5, 6, 8)  # that look the same a turn of 360 degrees
 TURNS_DEG = tuple(sorted({360.0 * k / n for n in SIDES_OF_PRISMS for k in range(1, n)}))
 WIDEST_STEP_MM, LEAST_STEP_MM = 16.0, 2.0
 MOST_STEPS = 24  # that a pose is moved by, of all widths together
-WORTH_MOVING = (
-    0.5  # of the score that a rival needs, from which on a pose is moved to where it fits
-)
+WORTH_MOVING = 0.5  # of the score that a rival needs: a pose with less is not moved to a better fit
 NEARLY, NEARLY_FREE = 0.8, 0.05  # score it needs and contradiction allowed before it is placed
-FAR_OFF = 0.5  # contradiction over support from which on it is not
+FAR_OFF = 0.5  # contradiction over support from which on it is not moved, either
 OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
 LEAST_CONFIRMED = 1.0  # of what is denied
 

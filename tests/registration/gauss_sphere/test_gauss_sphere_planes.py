@@ -12,7 +12,7 @@ from registration.gauss_sphere.calibrated import NOTHING_KNOWN
 from registration.gauss_sphere.growing import grown
 from registration.gauss_sphere.params import PatchParams, SegmentParams
 from registration.gauss_sphere.patches import fit_patches
-from registration.gauss_sphere.plane_fit import fit_plane
+from registration.gauss_sphere.plane_fit import fit_plane, let_follow
 from registration.gauss_sphere.points import Grouped
 from registration.gauss_sphere.segments import find_segments
 
@@ -166,3 +166,18 @@ def test_points_of_another_plane_in_the_sample_do_not_tilt_the_fit() -> None:
 
     # With one step after the sample's and no more it is 3.4e-4.
     assert np.linalg.norm(fitted(1)[:3] - fitted(20)[:3]) < 2e-4
+
+
+def test_a_step_is_lengthened_to_where_the_bias_has_followed_it() -> None:
+    following = np.array([[0.5, 0.0], [0.0, 0.2], [0.3, 0.0]])
+    step = np.array([1.0, 2.0, 4.0])
+    let_follow(following, step)
+    np.testing.assert_allclose(step, [2.0, 2.5, 4.6])
+
+
+@pytest.mark.parametrize("of_a_tilt", [np.diag([2.0, 2.0]), np.diag([0.9, 0.9])])
+def test_a_step_stays_where_the_bias_follows_too_far(of_a_tilt: np.ndarray) -> None:
+    """A bias that follows farther than the plane tilts would turn the step around."""
+    step = np.array([1.0, 2.0, 4.0])
+    let_follow(np.vstack([of_a_tilt, [0.3, 0.0]]), step)
+    np.testing.assert_array_equal(step, [1.0, 2.0, 4.0])

