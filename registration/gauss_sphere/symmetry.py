@@ -33,6 +33,7 @@ SIDES_OF_PRISMS = (2, 3, 4, 5, 6, 8)  # that look the same a turn of 360 degrees
 TURNS_DEG = tuple(sorted({360.0 * k / n for n in SIDES_OF_PRISMS for k in range(1, n)}))
 WIDEST_STEP_MM, LEAST_STEP_MM = 16.0, 2.0
 MOST_STEPS = 24  # that a pose is moved by, of all widths together
+FEW, WORTH_LOOKING = 3, 0.3  # support that a third of the samples must tell of, to ask more
 WORTH_MOVING = 0.5  # of the score that a rival needs: a pose with less is not moved to a better fit
 NEARLY, NEARLY_FREE = 0.8, 0.05  # score it needs and contradiction allowed before it is placed
 FAR_OFF = 0.5  # contradiction over support from which on it is not moved, either
@@ -200,9 +201,13 @@ def _fitted(
     n, nowhere = shifts.shape[0], np.zeros(3)
     areas, score, seen = np.zeros((n, 4)), np.zeros(n), (target.seen, source.seen)
     counts = np.empty((target.patches.n_points.size, source.patches.n_points.size), np.int64)
-    some, start = np.empty(4), np.empty(n)
+    some, start = np.empty(4), np.zeros(n)
     for c in range(n):
-        compare_both(*seen, how, rotations[c], shifts[c], tolerance_mm, strides[0], counts, some)
+        r, t = rotations[c], shifts[c]
+        compare_both(*seen, how, r, t, tolerance_mm, FEW * strides[0], counts, some)
+        if some[SUPPORT] < WORTH_LOOKING * needed:
+            continue
+        compare_both(*seen, how, r, t, tolerance_mm, strides[0], counts, some)
         far = some[CONTRADICTION] > FAR_OFF * some[SUPPORT]
         start[c] = 0.0 if far else score_of(how, some)
     for c in np.argsort(-start, kind="mergesort"):
