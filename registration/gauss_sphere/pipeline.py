@@ -139,7 +139,7 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
     settled, result = _judged(settled, target, source, bias_mm, params)
     if result.status == "ok":
-        settled, result = _unless_turned(settled, result, target, source, params)
+        settled, result = _unless_turned(settled, result, target, source, bias_mm, params)
     best = settled[0]
     if bias_mm > 0.0:
         about = UNFIT if params.calibration else BENT
@@ -187,6 +187,7 @@ def _unless_turned(
     answer: RegistrationResult,
     target: View,
     source: View,
+    bias_mm: float,
     params: GaussSphereParams,
 ) -> tuple[list[Settled], RegistrationResult]:
     """The answer, "ambiguous" if the best pose could as well be turned about one of its few planes.
@@ -199,6 +200,8 @@ def _unless_turned(
         return settled, answer
     alike = different([settled[0], *rivals], source, decision)
     poses = different([*alike, *settled[1:]], source, decision)
+    if bias_mm > 0.0 and poses[0] is not settled[0] and poses[0].pairs.size:
+        poses[0] = doubted(poses[0], target.patches, source.patches, bias_mm, params)
     first, *others = candidates_of(poses, seen_mm2(target, source))
     answer = replace(
         answer,

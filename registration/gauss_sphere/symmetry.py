@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from registration.gauss_sphere.decision import agreeing_patches
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import Ends, as_ends, outlines_of
-from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
+from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.poses import are_same
-from registration.gauss_sphere.testimony import said_of_ends
+from registration.gauss_sphere.testimony import ANY_WAY, said, said_of_ends
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
     SUPPORT,
@@ -35,42 +35,60 @@ WIDEST_STEP_MM, LEAST_STEP_MM = 16.0, 2.0
 MOST_STEPS = 24  # that a pose is moved by, of all widths together
 FEW, WORTH_LOOKING = 3, 0.3  # support that a third of the samples must tell of, to ask more
 WORTH_MOVING = 0.5  # of the score that a rival needs: a pose with less is not moved to a better fit
-NEARLY, NEARLY_FREE = 0.8, 0.05  # score it needs and contradiction allowed before it is placed
+NEARLY = 0.8  # of that score: what it needs before it is placed
 FAR_OFF = 0.5  # contradiction over support from which on it is not moved, either
 OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
-LEAST_CONFIRMED = 1.0  # of what is denied
+AS_GOOD = 0.98  # of the score of a pose that ends placed: with it that of its planes is taken
 
 
 def turned_rivals(
     best: Settled, target: View, source: View, params: GaussSphereParams
 ) -> list[Settled]:
-    """The pose turned about the middles of its planes, where the scans allow it, best first.
+    """The pose turned about the normals of its planes, where the scans allow it, best first.
 
-    They do if it lays surface on surface, puts next to nothing in free space, and many ends of
-    faces confirm it. None is looked for where more than params.decision.turned_planes agree.
+    They do if it lays surface on surface, puts next to nothing in free space, and ends of faces
+    speak for it nearly as well as for the best pose. None is looked for where more than
+    params.decision.turned_planes agree.
     """
     decision, how = params.decision, params.outlines
     agreeing = agreeing_patches(best, target, decision)
     if len(agreeing) > decision.turned_planes:
         return []
-    turned = _turned(best, agreeing, target, source, params)
+    turned, along = _turned(best, agreeing, target, source, params)
     if not turned:
         return []
     ends = as_ends(outlines_of(target, how)), as_ends(outlines_of(source, how))
-    needed = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
-    tolerance_mm = params.match.tolerances_mm[-1]
-    rivals, axes = [], {id(pose): along for pose, along in turned}
-    for pose in different([pose for pose, _ in turned], source, decision):
+    least = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
+    of_best = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
+    most_denied = _share_denied(*of_best) + decision.turned_denied
+    rivals = []
+    for pose in different(turned, source, decision):
+        (axes,) = (axes for one, axes in zip(turned, along, strict=True) if one is pose)
         t = pose.shift_mm.copy()
         confirmed, denied = _placed(
-            target, source, *ends, pose.rotation, t, axes[id(pose)], np.array(OPEN_STEPS_MM),
-            how.off_mm, how.on_mm, how.behind_mm,
+            target, source, *ends, pose.rotation, t, axes, np.array(OPEN_STEPS_MM), how.off_mm,
+            how.on_mm, how.behind_mm,
         )  # fmt: skip
-        areas, score = compared(target, source, pose.rotation, t, tolerance_mm, params.verification)
-        placed = pose._replace(shift_mm=t, areas=areas, score=score)
-        if confirmed >= max(needed, LEAST_CONFIRMED * denied) and _allowed(placed, best, decision):
+        placed = _scored(pose._replace(shift_mm=t), target, source, params)
+        free = placed.areas[CONTRADICTION] <= decision.turned_contradiction * placed.areas[SUPPORT]
+        enough = confirmed >= least and placed.score > decision.repeat_share * best.score
+        if free and enough and _share_denied(confirmed, denied) <= most_denied:
             rivals.append(_settled(placed, target, source, params))
     return different(rivals, source, decision)
+
+
+def _share_denied(confirmed: int, denied: int) -> float:
+    """What is denied, of all ends of faces that the other view tells of."""
+    return denied / max(confirmed + denied, 1)
+
+
+def _scored(pose: Settled, target: View, source: View, params: GaussSphereParams) -> Settled:
+    """The pose with what the scans say of it."""
+    areas, score = compared(
+        target, source, pose.rotation, pose.shift_mm, params.match.tolerances_mm[-1],
+        params.verification,
+    )  # fmt: skip
+    return pose._replace(areas=areas, score=score)
 
 
 def _settled(pose: Settled, target: View, source: View, params: GaussSphereParams) -> Settled:
@@ -83,7 +101,7 @@ def _settled(pose: Settled, target: View, source: View, params: GaussSphereParam
     )
     if (
         again
-        and again[0].score > pose.score
+        and again[0].score >= AS_GOOD * pose.score
         and len(different([pose, again[0]], source, params.decision)) == 1
     ):
         return again[0]
@@ -92,7 +110,7 @@ def _settled(pose: Settled, target: View, source: View, params: GaussSphereParam
 
 def _turned(
     best: Settled, agreeing: IntArray, target: View, source: View, params: GaussSphereParams
-) -> list[tuple[Settled, FloatArray]]:
+) -> tuple[list[Settled], list[FloatArray]]:
     """The pose turned about its planes, and moved along them, where free space allows it.
 
     agreeing: (m, 2) patches of target and source, a pair a plane. The turned poses are told by
@@ -100,12 +118,14 @@ def _turned(
     (2, 3), along which it was moved.
     """
     a, b, decision = target.patches, source.patches, params.decision
-    turns = np.deg2rad(TURNS_DEG)[:, None] * a.normal[agreeing[:, 0], None]
+    starts = _pairs_of_planes(best, agreeing, target, source, params)
+    turns = np.deg2rad(TURNS_DEG)[:, None] * a.normal[starts[:, 2], None]
     rotations = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix() @ best.rotation
-    of_target, of_source = np.repeat(agreeing, len(TURNS_DEG), axis=0).T
-    along = a.basis[of_target]
+    of_target, of_source, of_plane = np.repeat(starts, len(TURNS_DEG), axis=0).T
+    along = a.basis[of_plane]
     moved = np.einsum("nij,nj->ni", rotations, b.centroid_mm[of_source])
     shifts = a.centroid_mm[of_target] - moved
+    needed = decision.repeat_share * best.score
     areas, score = _fitted(
         target,
         source,
@@ -115,27 +135,48 @@ def _turned(
         along,
         params.match.tolerances_mm[-1],
         np.array([params.verification.rough_stride, params.match.strides[0]]),
-        decision.repeat_share * best.score,
+        needed,
         decision.distinct_rad,
     )
     rough = best._replace(
         information=np.zeros((6, 6)), sure=np.zeros((6, 6)), pairs=best.pairs[:0],
         distance2=best.distance2[:0],
     )  # fmt: skip
-    found = []
-    free = areas[:, CONTRADICTION] <= NEARLY_FREE * areas[:, SUPPORT]
-    for c in np.flatnonzero(free & (score > NEARLY * decision.repeat_share * best.score)):
-        pose = rough._replace(
+    free = areas[:, CONTRADICTION] <= decision.turned_contradiction * areas[:, SUPPORT]
+    chosen = np.flatnonzero(free & (score > NEARLY * needed))
+    poses = [
+        rough._replace(
             rotation=rotations[c], shift_mm=shifts[c], areas=areas[c], score=float(score[c])
         )
-        found.append((pose, along[c]))
-    return found
+        for c in chosen
+    ]
+    return poses, [along[c] for c in chosen]
 
 
-def _allowed(pose: Settled, best: Settled, params: DecisionParams) -> bool:
-    """Whether a pose lays enough surface on surface, and next to nothing in free space."""
-    free = pose.areas[CONTRADICTION] <= params.plain_contradiction * pose.areas[SUPPORT]
-    return bool(free and pose.score > params.repeat_share * best.score)
+def _pairs_of_planes(
+    best: Settled, agreeing: IntArray, target: View, source: View, params: GaussSphereParams
+) -> IntArray:
+    """(n, 3) pairs of patches that lie in one plane under the pose, and the patch of that plane.
+
+    First the pairs that agree, (m, 2); then all others, as the tops of two boxes: about a turned
+    pose one box may lie on the other. The largest, so many as are shifts looked for with.
+    """
+    a, b, decision, most = target.patches, source.patches, params.decision, params.translation
+    normal = a.normal[agreeing[:, 0]].T
+    large_a, large_b = slice(most.patches), slice(most.patches)
+    like_a = a.normal[large_a] @ normal > np.cos(decision.distinct_rad)
+    like_b = b.normal[large_b] @ best.rotation.T @ normal > np.cos(decision.distinct_rad)
+    moved = b.centroid_mm[large_b] @ best.rotation.T + best.shift_mm
+    apart_mm = (a.centroid_mm[large_a] @ normal)[:, None] - (moved @ normal)[None]
+    together = like_a[:, None] & like_b[None] & (abs(apart_mm) < most.distance_tolerance_mm)
+    for i, j in agreeing:
+        together[i : i + 1, j : j + 1] = False
+    i, j = np.nonzero(together.any(axis=2))
+    plane = agreeing[together[i, j].argmax(axis=1), 0]
+    largest = np.argsort(-np.minimum(a.area_mm2[i], b.area_mm2[j]), kind="stable")[: most.patches]
+    others = np.stack([i, j, plane], axis=1)[largest]
+    starts: IntArray = np.concatenate([agreeing[:, [0, 1, 0]], others])
+    return starts
 
 
 @compiled
