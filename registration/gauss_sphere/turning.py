@@ -1,0 +1,228 @@
+"""A pose turned about the normals of its planes, and moved along them to where it fits better."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from registration.gauss_sphere.patches import Patches
+from registration.gauss_sphere.poses import are_same
+from registration.gauss_sphere.small_matrices import apply_step
+from registration.gauss_sphere.verification import (
+    CONTRADICTION,
+    SUPPORT,
+    Comparison,
+    compare_both,
+    score_of,
+)
+from registration.gauss_sphere.view import View
+from registration.kernels import compiled
+from registration.scan import FloatArray, IntArray
+
+WIDEST_STEP_MM, LEAST_STEP_MM = 16.0, 2.0
+MOST_STEPS = 24  # that a pose is moved by, of all widths together
+FEW, WORTH_LOOKING = 3, 0.3  # support that a third of the samples must tell of, to ask more
+WORTH_MOVING = 0.5  # of the score that a pose needs: with less it is not moved to a better fit
+FAR_OFF = 0.5  # contradiction over support from which on it is not moved, either
+
+
+class Turning(NamedTuple):
+    """How a pose is turned, as the compiled loops take it.
+
+    turns_rad: (k,) about each plane.  patches: so many of each view, of the largest area, are tried
+    on each other.  cos_alike, apart_mm: how far apart in direction and along it they may be.
+    tolerance_mm: distance within which a point lies on the other view's plane.  strides: (2,) of
+    the samples that are looked at, to find the best starts and to move them.
+    needed: score that a pose needs.  distinct_rad: poses that differ by less are turned alike.
+    """
+
+    turns_rad: FloatArray
+    patches: int
+    cos_alike: float
+    apart_mm: float
+    tolerance_mm: float
+    strides: IntArray
+    needed: float
+    distinct_rad: float
+
+
+class Turned(NamedTuple):
+    """Turned poses, structure of arrays.
+
+    rotation: (n, 3, 3); shift_mm: (n, 3); along: (n, 2, 3) the directions that each was moved
+    along; areas: (n, 4) and score: (n,) of what the scans say of it, 0 where another one that is
+    turned alike fits better.
+    """
+
+    rotation: FloatArray
+    shift_mm: FloatArray
+    along: FloatArray
+    areas: FloatArray
+    score: FloatArray
+
+
+@compiled
+def turned_poses(
+    target: View,
+    source: View,
+    how: Comparison,
+    turning: Turning,
+    r: FloatArray,
+    t: FloatArray,
+    agreeing: IntArray,
+) -> Turned:
+    """Turn a pose about its planes, and move what fits best, one of those that are turned alike.
+
+    r (3, 3), t (3,): p_target = r p_source + t.  agreeing: (m, 2) patches of target and source, a
+    pair a plane.
+    """
+    a, b, needed = target.patches, source.patches, turning.needed
+    seen, tolerance_mm = (target.seen, source.seen), turning.tolerance_mm
+    pairs = _pairs_of_planes(a, b, turning, r, t, agreeing)
+    n = pairs.shape[0] * turning.turns_rad.size
+    rotations, shifts, plane = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty(n, np.int64)
+    counts = np.empty((a.n_points.size, b.n_points.size), np.int64)
+    start, some, step, nowhere = np.empty(n), np.empty(4), np.zeros(6), np.zeros(3)
+    turned, there, possible, n = np.empty((3, 3)), np.empty(3), False, 0
+    for turn in turning.turns_rad:
+        for p in range(pairs.shape[0]):
+            i, j, about = pairs[p]
+            if p == 0 or about != pairs[p - 1, 2]:
+                step[:3] = turn * a.normal[about]
+                apply_step(step, r, nowhere, turned, there)
+                possible = _most_support(a, b, how, turned) > needed
+            if not possible:
+                continue
+            for u in range(3):
+                there[u] = a.centroid_mm[i, u]
+                for v in range(3):
+                    there[u] -= turned[u, v] * b.centroid_mm[j, v]
+            few = FEW * turning.strides[0]
+            compare_both(*seen, how, turned, there, tolerance_mm, few, counts, some)
+            if some[SUPPORT] < WORTH_LOOKING * needed:
+                continue
+            compare_both(*seen, how, turned, there, tolerance_mm, turning.strides[0], counts, some)
+            if some[CONTRADICTION] > FAR_OFF * some[SUPPORT]:
+                continue
+            if score_of(how, some) >= WORTH_MOVING * needed:
+                rotations[n], shifts[n], plane[n] = turned, there, about
+                start[n] = score_of(how, some)
+                n += 1
+    areas, score = np.zeros((n, 4)), np.zeros(n)
+    for c in np.argsort(-start[:n], kind="mergesort"):
+        known = False
+        for k in range(n):
+            known = known or (
+                score[k] > needed
+                and are_same(
+                    rotations[c], nowhere, rotations[k], nowhere, nowhere, turning.distinct_rad,
+                    np.inf,
+                )
+            )  # fmt: skip
+        if known:
+            continue
+        along = a.basis[plane[c]]
+        _move_to_fit(target, source, how, turning, rotations[c], shifts[c], along, counts)
+        compare_both(*seen, how, rotations[c], shifts[c], tolerance_mm, 1, counts, areas[c])
+        score[c] = score_of(how, areas[c])
+    return Turned(rotations[:n], shifts[:n], a.basis[plane[:n]], areas, score)
+
+
+@compiled
+def _pairs_of_planes(
+    a: Patches, b: Patches, turning: Turning, r: FloatArray, t: FloatArray, agreeing: IntArray
+) -> IntArray:
+    """(n, 3) pairs of patches that lie in one plane under a pose, and a patch of its direction.
+
+    Those that agree, and others, as the tops of two boxes: about the turned pose one may lie on the
+    other. These are the largest, so many as turning.patches. In the order of directions.
+    """
+    m, most, n = agreeing.shape[0], turning.patches, 0
+    about = np.empty(m, np.int64)
+    pairs = np.empty((m + most * most, 3), np.int64)
+    for c in range(m):
+        about[c] = agreeing[c, 0]
+        for k in range(c):
+            if _dot(a.normal[agreeing[c, 0]], a.normal[about[k]]) > turning.cos_alike:
+                about[c] = about[k]
+                break
+        pairs[c, 0], pairs[c, 1], pairs[c, 2] = agreeing[c, 0], agreeing[c, 1], about[c]
+    area = np.full(m + most * most, np.inf)
+    n, normal, centre = m, np.empty(3), np.empty(3)
+    for j in range(min(b.n_points.size, most)):
+        for u in range(3):
+            normal[u], centre[u] = _dot(r[u], b.normal[j]), _dot(r[u], b.centroid_mm[j]) + t[u]
+        for i in range(min(a.n_points.size, most)):
+            for c in range(m):
+                n_about = a.normal[about[c]]
+                apart_mm = abs(_dot(n_about, a.centroid_mm[i]) - _dot(n_about, centre))
+                if (
+                    _dot(n_about, a.normal[i]) > turning.cos_alike
+                    and _dot(n_about, normal) > turning.cos_alike
+                    and apart_mm < turning.apart_mm
+                ):
+                    area[n] = min(a.area_mm2[i], b.area_mm2[j])
+                    pairs[n, 0], pairs[n, 1], pairs[n, 2] = i, j, about[c]
+                    n += not _is_among(agreeing, i, j)
+                    break
+    largest = np.argsort(-area[:n], kind="mergesort")[: m + most]
+    return pairs[largest[np.argsort(pairs[largest, 2], kind="mergesort")]]
+
+
+@compiled
+def _is_among(pairs: IntArray, i: int, j: int) -> bool:
+    found = False
+    for k in range(pairs.shape[0]):
+        found = found or (pairs[k, 0] == i and pairs[k, 1] == j)
+    return found
+
+
+@compiled
+def _dot(a: FloatArray, b: FloatArray) -> float:
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+@compiled
+def _most_support(a: Patches, b: Patches, how: Comparison, r: FloatArray) -> float:
+    """Surface in mm^2 that a rotation may lay on the other's, wherever it is, by the directions."""
+    on_a, on_b, normal = np.zeros(a.n_points.size), np.zeros(b.n_points.size), np.empty(3)
+    for j in range(b.n_points.size):
+        for u in range(3):
+            normal[u] = _dot(r[u], b.normal[j])
+        for i in range(a.n_points.size):
+            if _dot(normal, a.normal[i]) > how.cos_tolerance:
+                on_a[i], on_b[j] = a.area_mm2[i], b.area_mm2[j]
+    return float(0.5 * (on_a.sum() + on_b.sum()))
+
+
+@compiled
+def _move_to_fit(
+    target: View,
+    source: View,
+    how: Comparison,
+    turning: Turning,
+    r: FloatArray,
+    t: FloatArray,
+    along: FloatArray,
+    counts: IntArray,
+) -> None:
+    """Move a pose along two directions (2, 3) to a better score: t (3,) is changed in place."""
+    seen, some, trial = (target.seen, source.seen), np.empty(4), np.empty(3)
+    tolerance_mm, stride = turning.tolerance_mm, turning.strides[1]
+    compare_both(*seen, how, r, t, tolerance_mm, stride, counts, some)
+    best, step_mm = score_of(how, some), WIDEST_STEP_MM
+    for _ in range(MOST_STEPS):
+        if step_mm < LEAST_STEP_MM:
+            break
+        better = False
+        for axis in range(2):
+            for step in (-step_mm, step_mm):
+                for u in range(3):
+                    trial[u] = t[u] + step * along[axis, u]
+                compare_both(*seen, how, r, trial, tolerance_mm, stride, counts, some)
+                if score_of(how, some) > best:
+                    best, better = score_of(how, some), True
+                    t[:] = trial
+        if not better:
+            step_mm *= 0.5
