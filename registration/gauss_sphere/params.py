@@ -278,10 +278,10 @@ class DecisionParams:
     appeal_support: the same as large_support where outlines had to say where planes lie: like
         parts of one scene reached three planes on 36 %. appeal_planes: that must agree there: two
         are any edge of a box.
-    turned_planes: where at most so many agree, the pose is tried turned about each of them: three
-        tiers and the floor have seven to nine. turned_contradiction: allowed of a turned one, as a
-        share of its support; turned_denied: by how much a larger share of ends of faces than of
-        the best pose the views may deny.
+    turned_planes: where at most so many agree, the pose is tried turned about the directions of
+        them: three tiers and the floor have seven to nine. turned_contradiction: allowed of a
+        turned one, as a share of its support; turned_denied: by how much a larger share of ends of
+        faces than of the best pose the views may deny.
     same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
     rival_share: share of the best score at which another pose makes the answer ambiguous.
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a

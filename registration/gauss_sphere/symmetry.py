@@ -14,7 +14,7 @@ import numpy as np
 from registration.gauss_sphere.decision import agreeing_patches
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import Ends, as_ends, outlines_of
-from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
 from registration.gauss_sphere.testimony import ANY_WAY, said, said_of_ends
 from registration.gauss_sphere.turning import Turning, turned_poses
 from registration.gauss_sphere.verification import (
@@ -31,7 +31,7 @@ SIDES_OF_PRISMS = (2, 3, 4, 6)  # that look the same a turn of 360 degrees / sid
 TURNS_DEG = np.unique([360.0 * k / n for n in SIDES_OF_PRISMS for k in range(1, n)])
 NEARLY = 0.8  # of the score that a rival needs: what it needs before it is placed
 OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
-AS_GOOD = 0.98  # of the score of a pose that ends placed: with it that of its planes is taken
+AS_GOOD = 0.98  # of a pose's score: what its planes must reach to have it where they want it
 
 
 def turned_rivals(
@@ -52,8 +52,8 @@ def turned_rivals(
         return []
     ends = as_ends(outlines_of(target, how)), as_ends(outlines_of(source, how))
     least = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
-    of_best = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
-    most_denied = _share_denied(*of_best) + decision.turned_denied
+    confirmed, denied = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
+    most_denied = denied / max(confirmed + denied, how.least) + decision.turned_denied
     rivals = []
     for pose in different(turned, source, decision):
         (axes,) = (axes for one, axes in zip(turned, along, strict=True) if one is pose)
@@ -63,16 +63,10 @@ def turned_rivals(
             how.on_mm, how.behind_mm,
         )  # fmt: skip
         placed = _scored(pose._replace(shift_mm=t), target, source, params)
-        free = placed.areas[CONTRADICTION] <= decision.turned_contradiction * placed.areas[SUPPORT]
-        enough = confirmed >= least and placed.score > decision.repeat_share * best.score
-        if free and enough and _share_denied(confirmed, denied) <= most_denied:
-            rivals.append(_settled(placed, target, source, params))
+        spoken_for = confirmed >= least and denied <= most_denied * (confirmed + denied)
+        if spoken_for and _allowed(placed, best, decision):
+            rivals.append(_settled(placed, best, target, source, params))
     return different(rivals, source, decision)
-
-
-def _share_denied(confirmed: int, denied: int) -> float:
-    """What is denied, of all ends of faces that the other view tells of."""
-    return denied / max(confirmed + denied, 1)
 
 
 def _scored(pose: Settled, target: View, source: View, params: GaussSphereParams) -> Settled:
@@ -84,8 +78,16 @@ def _scored(pose: Settled, target: View, source: View, params: GaussSphereParams
     return pose._replace(areas=areas, score=score)
 
 
-def _settled(pose: Settled, target: View, source: View, params: GaussSphereParams) -> Settled:
-    """The pose as its planes have it, or as it is where they turn it away or fit the less.
+def _allowed(pose: Settled, best: Settled, params: DecisionParams) -> bool:
+    """Whether a pose lays enough surface on surface, and next to nothing in free space."""
+    free = pose.areas[CONTRADICTION] <= params.turned_contradiction * pose.areas[SUPPORT]
+    return bool(free and pose.score > params.repeat_share * best.score)
+
+
+def _settled(
+    pose: Settled, best: Settled, target: View, source: View, params: GaussSphereParams
+) -> Settled:
+    """The pose as its planes have it, or as it is where they turn it away or it fits clearly less.
 
     Two planes that are nearly parallel turn a pose by their noise, and by much.
     """
@@ -95,6 +97,7 @@ def _settled(pose: Settled, target: View, source: View, params: GaussSphereParam
     if (
         again
         and again[0].score >= AS_GOOD * pose.score
+        and _allowed(again[0], best, params.decision)
         and len(different([pose, again[0]], source, params.decision)) == 1
     ):
         return again[0]
@@ -110,13 +113,13 @@ def _turned(
     score and areas; which planes they match is not looked up. With each go the two directions,
     (2, 3), along which it was moved.
     """
-    decision, shifts = params.decision, params.translation
+    decision, search = params.decision, params.translation
     needed = decision.repeat_share * best.score
     turning = Turning(
         np.deg2rad(TURNS_DEG),
-        shifts.patches,
+        search.patches,
         math.cos(decision.distinct_rad),
-        shifts.distance_tolerance_mm,
+        search.distance_tolerance_mm,
         params.match.tolerances_mm[-1],
         np.array([params.verification.rough_stride, params.match.strides[0]]),
         needed,
@@ -164,7 +167,7 @@ def _placed(
     Returns how many ends confirm it, and how many deny it.
     """
     any_way, trial, how = np.zeros(3), np.empty(3), (off_mm, on_mm, behind_mm)
-    said = said_of_ends(r, t, target, source, of_target, of_source, any_way, *how)
+    words = said_of_ends(r, t, target, source, of_target, of_source, any_way, *how)
     for step_mm in steps_mm:
         for _ in range(3):
             better = False
@@ -175,9 +178,9 @@ def _placed(
                     there = said_of_ends(
                         r, trial, target, source, of_target, of_source, any_way, *how
                     )
-                    if there[0] - there[1] > said[0] - said[1]:
-                        said, better = there, True
+                    if there[0] - there[1] > words[0] - words[1]:
+                        words, better = there, True
                         t[:] = trial
             if not better:
                 break
-    return said
+    return words

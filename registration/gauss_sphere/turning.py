@@ -30,8 +30,9 @@ FAR_OFF = 0.5  # contradiction over support from which on it is not moved, eithe
 class Turning(NamedTuple):
     """How a pose is turned, as the compiled loops take it.
 
-    turns_rad: (k,) about each plane.  patches: so many of each view, of the largest area, are tried
-    on each other.  cos_alike, apart_mm: how far apart in direction and along it they may be.
+    turns_rad: (k,) about each direction of planes.  patches: so many of each view, of the largest
+    area, are tried on each other, and so many pairs of them.  cos_alike, apart_mm: how far apart in
+    direction and along it they may be.
     tolerance_mm: distance within which a point lies on the other view's plane.  strides: (2,) of
     the samples that are looked at, to find the best starts and to move them.
     needed: score that a pose needs.  distinct_rad: poses that differ by less are turned alike.
@@ -52,7 +53,7 @@ class Turned(NamedTuple):
 
     rotation: (n, 3, 3); shift_mm: (n, 3); along: (n, 2, 3) the directions that each was moved
     along; areas: (n, 4) and score: (n,) of what the scans say of it, 0 where another one that is
-    turned alike fits better.
+    turned alike, and seemed to fit better, did well.
     """
 
     rotation: FloatArray
@@ -80,10 +81,10 @@ def turned_poses(
     a, b, needed = target.patches, source.patches, turning.needed
     seen, tolerance_mm = (target.seen, source.seen), turning.tolerance_mm
     pairs = _pairs_of_planes(a, b, turning, r, t, agreeing)
-    n = pairs.shape[0] * turning.turns_rad.size
-    rotations, shifts, plane = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty(n, np.int64)
+    room = pairs.shape[0] * turning.turns_rad.size
+    rotations, shifts, plane = np.empty((room, 3, 3)), np.empty((room, 3)), np.empty(room, np.int64)
     counts = np.empty((a.n_points.size, b.n_points.size), np.int64)
-    start, some, step, nowhere = np.empty(n), np.empty(4), np.zeros(6), np.zeros(3)
+    start, some, step, nowhere = np.empty(room), np.empty(4), np.zeros(6), np.zeros(3)
     turned, there, possible, n = np.empty((3, 3)), np.empty(3), False, 0
     for turn in turning.turns_rad:
         for p in range(pairs.shape[0]):
@@ -138,7 +139,7 @@ def _pairs_of_planes(
     Those that agree, and others, as the tops of two boxes: about the turned pose one may lie on the
     other. These are the largest, so many as turning.patches. In the order of directions.
     """
-    m, most, n = agreeing.shape[0], turning.patches, 0
+    m, most = agreeing.shape[0], turning.patches
     about = np.empty(m, np.int64)
     pairs = np.empty((m + most * most, 3), np.int64)
     for c in range(m):
