@@ -279,9 +279,8 @@ class DecisionParams:
         parts of one scene reached three planes on 36 %. appeal_planes: that must agree there: two
         are any edge of a box.
     turned_planes: where at most so many agree, the pose is tried turned about the directions of
-        them: three tiers and the floor have seven to nine. turned_contradiction: allowed of a
-        turned one, as a share of its support; turned_denied: by how much a larger share of ends of
-        faces than of the best pose the views may deny.
+        them: three tiers and the floor have seven to nine. turned_denied: by how much a larger
+        share of ends of faces than of the best pose the views may deny.
     same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
     rival_share: share of the best score at which another pose makes the answer ambiguous.
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a
@@ -300,7 +299,6 @@ class DecisionParams:
     appeal_support: float = 0.45
     appeal_planes: int = 3
     turned_planes: int = 12
-    turned_contradiction: float = 0.05
     turned_denied: float = 0.1
     agreeing_distance2: float = 14.0
     same_plane_rad: float = 0.03

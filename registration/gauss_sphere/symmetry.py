@@ -29,7 +29,7 @@ from registration.scan import FloatArray, IntArray
 
 SIDES_OF_PRISMS = (2, 3, 4, 6)  # that look the same a turn of 360 degrees / sides further
 TURNS_DEG = np.unique([360.0 * k / n for n in SIDES_OF_PRISMS for k in range(1, n)])
-NEARLY = 0.8  # of the score that a rival needs: what it needs before it is placed
+NEARLY, NEARLY_FREE = 0.8, 0.05  # score it needs and contradiction allowed before it is placed
 OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
 AS_GOOD = 0.98  # of a pose's score: what its planes must reach to have it where they want it
 
@@ -80,7 +80,7 @@ def _scored(pose: Settled, target: View, source: View, params: GaussSphereParams
 
 def _allowed(pose: Settled, best: Settled, params: DecisionParams) -> bool:
     """Whether a pose lays enough surface on surface, and next to nothing in free space."""
-    free = pose.areas[CONTRADICTION] <= params.turned_contradiction * pose.areas[SUPPORT]
+    free = pose.areas[CONTRADICTION] <= params.plain_contradiction * pose.areas[SUPPORT]
     return bool(free and pose.score > params.repeat_share * best.score)
 
 
@@ -127,8 +127,7 @@ def _turned(
     )
     how = comparison(params.verification)
     turned = turned_poses(target, source, how, turning, best.rotation, best.shift_mm, agreeing)
-    most = decision.turned_contradiction * turned.areas[:, SUPPORT]
-    free = turned.areas[:, CONTRADICTION] <= most
+    free = turned.areas[:, CONTRADICTION] <= NEARLY_FREE * turned.areas[:, SUPPORT]
     chosen = np.flatnonzero(free & (turned.score > NEARLY * needed))
     poses = [
         Settled(
