@@ -18,6 +18,7 @@ from conftest import HERE, command, count_of, rows_of, run, wait_until, workers_
 # processes have to end too.
 QUICK_KILLS, SLOW_KILLS = 48, 2
 TRIALS = 800
+SOON_S = 0.6  # within which a driver is killed
 
 
 def test_fifty_kills_of_the_driver_cost_nothing(
@@ -34,14 +35,18 @@ def test_fifty_kills_of_the_driver_cost_nothing(
         [sys.executable, str(HERE / "killable_driver.py")], cwd=tmp_path, stdin=subprocess.PIPE
     )
     assert template.stdout.readline() == "ready\n"
+    longest_s = SOON_S
     for _ in range(QUICK_KILLS):
         template.stdin.write(f"{cheap} {out} repeats={TRIALS}\n")
         template.stdin.flush()
         driver = int(template.stdout.readline())
-        time.sleep(moments.uniform(0.0, 0.6))
+        time.sleep(moments.uniform(0.0, longest_s))
         os.kill(driver, signal.SIGKILL)
         assert template.stdout.readline() == "gone\n"
+        before = counts[-1] if counts else 0
         counts.append(count_of(out))
+        # A slow machine needs longer to keep its first row: half of the kills should cost some.
+        longest_s = max(longest_s * (1.2 if counts[-1] == before else 0.8), SOON_S)
     for _ in range(SLOW_KILLS):
         process = started(command(cheap, out, *options), cwd=tmp_path)
         goal = min(counts[-1] + moments.randrange(1, 40), TRIALS)
