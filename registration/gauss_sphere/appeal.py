@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from registration.gauss_sphere.bending import doubted
-from registration.gauss_sphere.decision import centre_of, is_thin, open_units, uncertainty
+from registration.gauss_sphere.decision import is_thin
 from registration.gauss_sphere.matching import Settled, different, settle_best
+from registration.gauss_sphere.open_directions import centre_of, open_units, uncertainty
 from registration.gauss_sphere.outlines import Outlines, as_ends, moved_outlines
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.refine import distances2, likelihood

@@ -13,18 +13,17 @@ from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import (
     candidates_of,
-    covariance_of,
     is_weak,
     judge,
     questioned,
     refuted,
     seen_mm2,
-    sliding,
     transforms,
 )
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import grown
 from registration.gauss_sphere.matching import Settled, different, settle_best
+from registration.gauss_sphere.open_directions import covariance_of, sliding
 from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, fit_patches

@@ -23,8 +23,8 @@ from scipy.spatial.transform import RigidTransform
 from registration import RegistrationResult, register
 from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.chance import take_chance
-from registration.gauss_sphere.decision import uncertainty
 from registration.gauss_sphere.matching import settle_best
+from registration.gauss_sphere.open_directions import uncertainty
 from registration.gauss_sphere.outlines import as_ends, ends_of, outlines_of
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, OutlineParams
 from registration.gauss_sphere.pipeline import describe
