@@ -15,9 +15,10 @@ from scipy.stats import chi2
 
 from harness.figures_page import Style, add_axes, new_figure, save
 from harness.looks import GREY, INK
+from harness.normalised_errors import COUNTED, squared_distances
 from harness.pair_tables import NAMES
 from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family, within
-from harness.random_tables import COUNTED, bound_table, squared_distances
+from harness.random_tables import bound_table
 from harness.scoring import COARSE, FINE, wilson_interval
 
 # Okabe and Ito's colours, safe for the colour-blind.

@@ -6,21 +6,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
-from harness.bound import parameter_deviations
+from harness.normalised_errors import COUNTED, bound_ratios, squared_distances
 from harness.notes import with_notes
-from harness.pair_tables import COLUMNS, NAMES
+from harness.pair_tables import NAMES
 from harness.random_groups import THRESHOLDS, banded, grouped, with_family, within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.table_files import Table
 
-FloatArray = NDArray[np.float64]
-
 LEVELS = (0.5, 0.9, 0.99)
-COUNTED = ("all points of shared faces", "points in the overlap only")
 
 
 def random_tables(rows: pd.DataFrame) -> list[Table]:
@@ -128,24 +123,6 @@ def accuracy_table(rows: pd.DataFrame) -> Table:
     )
 
 
-def bound_ratios(group: pd.DataFrame, which: int) -> FloatArray:
-    """(n, 6) errors of the six parameters in units of the bound's standard deviation.
-
-    which: the index in COUNTED. Rows without an error or a finite bound are left out.
-    """
-    ratios = []
-    for bounds, T_exact, errors in zip(
-        group["bounds"],
-        group["T_exact"],
-        group[[f"error_{c}" for c in COLUMNS]].to_numpy(float),
-        strict=True,
-    ):
-        if bounds is not None and np.isfinite(bounds[which]).all() and np.isfinite(errors).all():
-            pose = RigidTransform.from_matrix(T_exact)
-            ratios.append(errors / parameter_deviations(bounds[which], pose))
-    return np.array(ratios).reshape(-1, 6)
-
-
 def bound_table(rows: pd.DataFrame) -> Table:
     """Errors against the Cramer-Rao bound, parameter by parameter."""
     records = []
@@ -176,22 +153,6 @@ def bound_table(rows: pd.DataFrame) -> Table:
         pd.DataFrame(records),
         {"Pairs": "d"} | dict.fromkeys(NAMES, ".2f"),
     )
-
-
-def squared_distances(group: pd.DataFrame) -> FloatArray:
-    """(n,) normalised estimation errors squared of the rows with a covariance."""
-    distances = []
-    for covariance, estimated, exact in zip(
-        group["covariance"], group["T_estimated"], group["T_exact"], strict=True
-    ):
-        if covariance is None or estimated is None:
-            continue
-        left = RigidTransform.from_matrix(exact) * RigidTransform.from_matrix(estimated).inv()
-        error = np.concatenate([left.rotation.as_rotvec(), left.translation])
-        scale = 1.0 / np.sqrt(np.diag(covariance))
-        scaled = covariance * np.outer(scale, scale)
-        distances.append((scale * error) @ np.linalg.solve(scaled, scale * error))
-    return np.array(distances)
 
 
 def calibration_table(rows: pd.DataFrame) -> Table:

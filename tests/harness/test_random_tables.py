@@ -6,13 +6,13 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.bound import parameter_deviations
+from harness.normalised_errors import squared_distances
 from harness.pair_tables import COLUMNS, NAMES
 from harness.random_groups import BANDS, THRESHOLDS, with_family
 from harness.random_tables import (
     bound_table,
     calibration_table,
     random_tables,
-    squared_distances,
     success_table,
     wrong_table,
 )
