@@ -78,7 +78,40 @@ def turned_poses(
     r (3, 3), t (3,): p_target = r p_source + t.  agreeing: (m, 2) patches of target and source, a
     pair a plane.
     """
-    a, b, needed = target.patches, source.patches, turning.needed
+    rotations, shifts, plane, start = _starts(target, source, how, turning, r, t, agreeing)
+    areas, score, nowhere = np.zeros((start.size, 4)), np.zeros(start.size), np.zeros(3)
+    seen, along = (target.seen, source.seen), target.patches.basis[plane]
+    counts = np.empty((target.patches.n_points.size, source.patches.n_points.size), np.int64)
+    for c in np.argsort(-start, kind="mergesort"):
+        known = False
+        for k in range(start.size):
+            alike = are_same(
+                rotations[c], nowhere, rotations[k], nowhere, nowhere, turning.distinct_rad, np.inf
+            )
+            known = known or (alike and score[k] > turning.needed)
+        if known:
+            continue
+        _move_to_fit(target, source, how, turning, rotations[c], shifts[c], along[c], counts)
+        compare_both(*seen, how, rotations[c], shifts[c], turning.tolerance_mm, 1, counts, areas[c])
+        score[c] = score_of(how, areas[c])
+    return Turned(rotations, shifts, along, areas, score)
+
+
+@compiled
+def _starts(
+    target: View,
+    source: View,
+    how: Comparison,
+    turning: Turning,
+    r: FloatArray,
+    t: FloatArray,
+    agreeing: IntArray,
+) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
+    """Rotations (n, 3, 3) and shifts (n, 3) of a pose turned about its planes, worth moving.
+
+    With them the patch (n,) about whose normal each is turned, and its score (n,) by some samples.
+    """
+    a, b, needed, strides = target.patches, source.patches, turning.needed, turning.strides
     seen, tolerance_mm = (target.seen, source.seen), turning.tolerance_mm
     pairs = _pairs_of_planes(a, b, turning, r, t, agreeing)
     room = pairs.shape[0] * turning.turns_rad.size
@@ -96,38 +129,16 @@ def turned_poses(
             if not possible:
                 continue
             for u in range(3):
-                there[u] = a.centroid_mm[i, u]
-                for v in range(3):
-                    there[u] -= turned[u, v] * b.centroid_mm[j, v]
-            few = FEW * turning.strides[0]
-            compare_both(*seen, how, turned, there, tolerance_mm, few, counts, some)
+                there[u] = a.centroid_mm[i, u] - _dot(turned[u], b.centroid_mm[j])
+            compare_both(*seen, how, turned, there, tolerance_mm, FEW * strides[0], counts, some)
             if some[SUPPORT] < WORTH_LOOKING * needed:
                 continue
-            compare_both(*seen, how, turned, there, tolerance_mm, turning.strides[0], counts, some)
-            if some[CONTRADICTION] > FAR_OFF * some[SUPPORT]:
-                continue
-            if score_of(how, some) >= WORTH_MOVING * needed:
-                rotations[n], shifts[n], plane[n] = turned, there, about
-                start[n] = score_of(how, some)
+            compare_both(*seen, how, turned, there, tolerance_mm, strides[0], counts, some)
+            score, free = score_of(how, some), some[CONTRADICTION] <= FAR_OFF * some[SUPPORT]
+            if free and score >= WORTH_MOVING * needed:
+                rotations[n], shifts[n], plane[n], start[n] = turned, there, about, score
                 n += 1
-    areas, score = np.zeros((n, 4)), np.zeros(n)
-    for c in np.argsort(-start[:n], kind="mergesort"):
-        known = False
-        for k in range(n):
-            known = known or (
-                score[k] > needed
-                and are_same(
-                    rotations[c], nowhere, rotations[k], nowhere, nowhere, turning.distinct_rad,
-                    np.inf,
-                )
-            )  # fmt: skip
-        if known:
-            continue
-        along = a.basis[plane[c]]
-        _move_to_fit(target, source, how, turning, rotations[c], shifts[c], along, counts)
-        compare_both(*seen, how, rotations[c], shifts[c], tolerance_mm, 1, counts, areas[c])
-        score[c] = score_of(how, areas[c])
-    return Turned(rotations[:n], shifts[:n], a.basis[plane[:n]], areas, score)
+    return rotations[:n], shifts[:n], plane[:n], start[:n]
 
 
 @compiled
@@ -165,18 +176,10 @@ def _pairs_of_planes(
                 ):
                     area[n] = min(a.area_mm2[i], b.area_mm2[j])
                     pairs[n, 0], pairs[n, 1], pairs[n, 2] = i, j, about[c]
-                    n += not _is_among(agreeing, i, j)
+                    n += not ((agreeing[:, 0] == i) & (agreeing[:, 1] == j)).any()
                     break
     largest = np.argsort(-area[:n], kind="mergesort")[: m + most]
     return pairs[largest[np.argsort(pairs[largest, 2], kind="mergesort")]]
-
-
-@compiled
-def _is_among(pairs: IntArray, i: int, j: int) -> bool:
-    found = False
-    for k in range(pairs.shape[0]):
-        found = found or (pairs[k, 0] == i and pairs[k, 1] == j)
-    return found
 
 
 @compiled
