@@ -66,8 +66,10 @@ def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     processes: list[subprocess.Popen[str]] = []
 
     def start(arguments: list[str], **how: Any) -> subprocess.Popen[str]:
+        # A shell without job control starts what it puts in the background with SIGINT ignored.
         process = subprocess.Popen(
             arguments, start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment(), **how,
         )  # fmt: skip
         processes.append(process)
