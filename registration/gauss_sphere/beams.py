@@ -32,7 +32,8 @@ class Fan(NamedTuple):
     slope: (profiles, pixels) lateral tangent (y - apex_y) / (z - apex_z), 0 where nothing returned.
     depth_mm: (profiles, pixels) z - apex_z, NaN where nothing returned.
     sigma_mm: (profiles, pixels) standard deviation of the depth along the beam.
-    column_slope: (pixels,) the slope of each pixel, increasing or decreasing, NaN if never seen.
+    column_slope: (pixels,) the slope of each pixel, increasing or decreasing; between those
+        of others where it was never seen, NaN beyond them.
     lean: (2,) Y and Z by which the sensor moved for every mm along X; 0 where X is its motion. The
         point (x, slope depth, depth) of a beam, from the apex of its profile, lies in the scan's
         frame at lean x more along Y and Z: a shear, which keeps planes plane.
@@ -98,8 +99,18 @@ def _take_beams(points: FloatArray, fan: Fan) -> int:
                 behind += 1
         if n > 0:
             fan.x_mm[p] = x / n
+    last = -1
     for u in range(points.shape[1]):
         fan.column_slope[u] = sums[u] / seen[u]  # NaN if never seen
+        if seen[u] == 0.0:
+            continue
+        for v in range(last + 1, u):
+            if last >= 0:
+                share = (v - last) / (u - last)
+                fan.column_slope[v] = (1.0 - share) * fan.column_slope[
+                    last
+                ] + share * fan.column_slope[u]
+        last = u
     return behind
 
 
@@ -210,7 +221,20 @@ def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:
 @compiled
 def _depth_noise(depth: FloatArray, slope: FloatArray) -> tuple[float, float]:
     depths, sigmas = _noise_by_depth(depth, slope)
+    if depths.size == 0:  # as where only every second beam returns
+        depths, sigmas = _noise_by_depth(*_closed_up(depth, slope))
     return _growing_noise(depths, sigmas) if depths.size else (MIN_SIGMA_MM, 0.0)
+
+
+@compiled
+def _closed_up(depth: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same points, those of each profile side by side."""
+    depths, slopes = np.full(depth.shape, np.nan), np.zeros(depth.shape)
+    for p in range(depth.shape[0]):
+        measured = np.isfinite(depth[p])
+        n = np.count_nonzero(measured)
+        depths[p, :n], slopes[p, :n] = depth[p][measured], slope[p][measured]
+    return depths, slopes
 
 
 @compiled

@@ -68,7 +68,7 @@ def describe(scan: Scan, params: GaussSphereParams) -> View:
     Raises CalibrationError or OSError where params name a calibration that cannot be read.
     """
     fan, patches = planes(fan_of(scan), read_known(params.calibration), params)
-    return view_of(fan, patches, params.verification)
+    return view_of(fan, patches, params.verification, params.segments.max_gap_pixels)
 
 
 def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan, Patches]:

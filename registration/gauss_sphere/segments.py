@@ -92,11 +92,25 @@ def _best_split(sums: FloatArray, a: int, b: int, least: int) -> tuple[int, floa
 
 
 @compiled
+def _has_neighbour(depth: FloatArray, u: int, far: float, max_gap: int) -> bool:
+    """Whether a point beyond a gap to either side, the next there, is about as deep."""
+    for step in (-1, 1):
+        for gap in range(1, max_gap + 1):
+            v = u + step * (gap + 1)
+            if not 0 <= v < depth.size or np.isfinite(depth[v - step]):
+                break
+            if abs(depth[v] - depth[u]) < far:
+                return True
+    return False
+
+
+@compiled
 def _running_sums(
     depth: FloatArray,
     slope: FloatArray,
     sigma: FloatArray,
     cliff: float,
+    max_gap: int,
     index: IntArray,
     sums: FloatArray,
 ) -> int:
@@ -106,7 +120,8 @@ def _running_sums(
         d, s, far = depth[u], slope[u], cliff + 5.0 * sigma[u]
         # An isolated point, far from both neighbours in depth, is an outlier.
         left = u > 0 and abs(depth[u - 1] - d) < far
-        if not (left or (u + 1 < depth.size and abs(depth[u + 1] - d) < far)):
+        right = u + 1 < depth.size and abs(depth[u + 1] - d) < far
+        if not (left or right or _has_neighbour(depth, u, far, max_gap)):
             continue
         index[m] = u
         m += 1
@@ -201,7 +216,7 @@ def _segment_profiles(
     found = 0
     for p in range(n_profiles):
         depth, slope, sigma = fan.depth_mm[p], fan.slope[p], fan.sigma_mm[p]
-        m = _running_sums(depth, slope, sigma, cliff, index, sums)
+        m = _running_sums(depth, slope, sigma, cliff, max_gap, index, sums)
         start = 0
         while start < m:
             end = start + 1

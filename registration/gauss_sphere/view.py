@@ -65,9 +65,10 @@ class View(NamedTuple):
     seen: Seen
 
 
-def view_of(fan: Fan, patches: Patches, params: VerificationParams) -> View:
-    """Prepare a scan for verification."""
-    return _view_of(fan, patches, _order(min(params.samples, int(patches.n_points.sum()))))
+def view_of(fan: Fan, patches: Patches, params: VerificationParams, max_gap_pixels: int) -> View:
+    """Prepare a scan for verification; patches bridge so many beams without a return."""
+    place = _order(min(params.samples, int(patches.n_points.sum())))
+    return _view_of(fan, patches, place, max_gap_pixels)
 
 
 @lru_cache(maxsize=8)
@@ -79,7 +80,7 @@ def _order(n: int) -> IntArray:
 
 
 @compiled
-def _view_of(fan: Fan, patches: Patches, place: IntArray) -> View:
+def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
     pixel_of, slope_low, cells_per_slope = _slope_table(fan.column_slope)
     label, n, n_all = patches.label, place.size, patches.n_points.sum()
     points, patch, area = np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
@@ -108,7 +109,7 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray) -> View:
     for j in range(n):
         area[j] = patches.area_mm2[patch[j]] / sampled[patch[j]]
     seen = Seen(
-        _image(fan.depth_mm, label),
+        _image(fan, label, planes, max_gap),
         label.shape[0],
         label.shape[1],
         x_mm[0],
@@ -130,8 +131,8 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray) -> View:
 
 
 @compiled
-def _image(depth: FloatArray, label: IndexArray) -> NDArray[np.float32]:
-    rows, columns = depth.shape
+def _image(fan: Fan, label: IndexArray, planes: FloatArray, max_gap: int) -> NDArray[np.float32]:
+    rows, columns = label.shape
     image = np.empty((rows, columns, 3), np.float32)
     # The least of three depths in a profile, of the three latest profiles.
     beside = np.full((3, columns), -np.inf)
@@ -139,16 +140,39 @@ def _image(depth: FloatArray, label: IndexArray) -> NDArray[np.float32]:
         row = beside[latest % 3]
         row[:] = -np.inf
         if latest < rows:
+            depth, patch = _bridged(fan, latest, label[latest], planes, max_gap)
+            image[latest, :, DEPTH], image[latest, :, PATCH] = depth, patch
             for u in range(1, columns - 1):
-                a, b, c = depth[latest, u - 1], depth[latest, u], depth[latest, u + 1]
+                a, b, c = depth[u - 1], depth[u], depth[u + 1]
                 row[u] = min(min(a, b), c) if np.isfinite(a + b + c) else -np.inf
         if latest == 0:
             continue
-        p = latest - 1
         for u in range(columns):
-            image[p, u, DEPTH], image[p, u, PATCH] = depth[p, u], label[p, u]
-            image[p, u, NEAREST] = min(min(beside[0, u], beside[1, u]), beside[2, u])
+            image[latest - 1, u, NEAREST] = min(min(beside[0, u], beside[1, u]), beside[2, u])
     return image.reshape(-1, 3)
+
+
+@compiled
+def _bridged(
+    fan: Fan, profile: int, label: IndexArray, planes: FloatArray, max_gap: int
+) -> tuple[FloatArray, IndexArray]:
+    """Depths and patches (pixels,) of a profile, with those of short gaps in a patch.
+
+    Up to max_gap beams that brought nothing back, between two that met the same patch, are taken
+    to have met it as well.
+    """
+    depth, patch, last = fan.depth_mm[profile].copy(), label.copy(), 0
+    for u in range(depth.size):
+        if not np.isfinite(depth[u]):
+            continue
+        i = label[u]
+        if 1 < u - last <= max_gap + 1 and 0 <= i == label[last]:
+            for v in range(last + 1, u):
+                along = planes[i, 1] * fan.column_slope[v] + planes[i, 2]
+                depth[v] = (planes[i, 3] - planes[i, 0] * fan.x_mm[profile]) / along
+                patch[v] = i
+        last = u
+    return depth, patch
 
 
 @compiled
