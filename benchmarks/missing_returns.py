@@ -1,0 +1,118 @@
+"""How much of a scan gauss_sphere can do without: random pairs with returns taken away.
+
+python benchmarks/missing_returns.py [--pairs N] [--seed N]
+
+Views are those of configs/random_pairs.yaml with another seed, calibrated. Right is an answer
+marked "ok" within 1 degree and 5 mm, wrong one beyond 5 degrees or 30 mm, inexact one between.
+"""
+
+from __future__ import annotations
+
+from harness.threads import limit_threads
+
+limit_threads()
+
+import argparse  # noqa: E402
+from collections import Counter  # noqa: E402
+from collections.abc import Callable  # noqa: E402
+from dataclasses import replace  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+from tabulate import tabulate  # noqa: E402
+
+from harness.config import load_experiment  # noqa: E402
+from harness.execution import full_spec, scan_view  # noqa: E402
+from harness.random_pairs import build_random_trials  # noqa: E402
+from harness.scoring import COARSE, FINE, exact_pose, pose_error  # noqa: E402
+from registration import Scan, register  # noqa: E402
+from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[1]
+CONFIG = ROOT / "configs" / "random_pairs.yaml"
+PARAMS = GaussSphereParams(calibration=str(ROOT / "configs" / "calibration" / "jupiter.json"))
+FAMILIES = ("desk", "foam_chair", "clutter")
+
+Missing = Callable[[tuple[int, int], np.random.Generator], NDArray[np.bool_]]
+
+
+def some(share: float) -> Missing:
+    return lambda shape, rng: rng.random(shape) < share
+
+
+def stripes(number: int, widest: int) -> Missing:
+    """Stripes of up to so many beams, in each profile elsewhere."""
+
+    def missing(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.bool_]:
+        beam = np.arange(shape[1])[:, None]
+        first = rng.integers(shape[1], size=(shape[0], 1, number))
+        width = rng.integers(1, widest + 1, size=first.shape)
+        return ((first <= beam) & (beam < first + width)).any(axis=2)
+
+    return missing
+
+
+def all_but_every(nth: int) -> Missing:
+    return lambda shape, _: np.broadcast_to(np.arange(shape[1]) % nth > 0, shape)
+
+
+def whole_profiles(share: float) -> Missing:
+    return lambda shape, rng: np.broadcast_to(rng.random((shape[0], 1)) < share, shape)
+
+
+CASES: dict[str, Missing] = {
+    "nothing": some(0.0),
+    "a tenth of the points": some(0.1),
+    "three in ten": some(0.3),
+    "half": some(0.5),
+    "seven in ten": some(0.7),
+    "eight stripes of up to 12 beams": stripes(8, 12),
+    "every second beam": all_but_every(2),
+    "three of four beams": all_but_every(4),
+    "a tenth of the profiles": whole_profiles(0.1),
+    "three in ten profiles": whole_profiles(0.3),
+    "half of the profiles": whole_profiles(0.5),
+}
+
+
+def without(scan: Scan, missing: NDArray[np.bool_]) -> Scan:
+    return replace(scan, points_mm=np.where(missing[..., None], np.nan, scan.points_mm))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--pairs", type=int, default=20, help="of each family")
+    parser.add_argument("--seed", type=int, default=20105)
+    options = parser.parse_args()
+    overrides = [f"families.{family}.pairs={options.pairs}" for family in FAMILIES]
+    experiment = load_experiment(
+        CONFIG, [*overrides, "methods=[{name: gauss_sphere}]"], options.seed
+    )
+    counts = {case: Counter[str]() for case in CASES}
+    for number, trial in enumerate(build_random_trials(experiment, CONFIG)):
+        spec = full_spec(trial)
+        scans = [scan_view(spec, view) for view in (spec.target, spec.source)]
+        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        for case, missing in CASES.items():
+            rng, count = np.random.default_rng([options.seed, number]), counts[case]
+            thinned = [without(scan, missing(scan.points_mm.shape[:2], rng)) for scan in scans]
+            result = register(*thinned, params=PARAMS)
+            count["pairs"] += 1
+            if result.status != "ok" or result.T_target_source is None:
+                count[result.status] += 1
+                continue
+            error = pose_error(T_exact, result.T_target_source)
+            exact, close = (
+                np.rad2deg(error.rotation_rad) < tolerance.rotation_deg
+                and error.translation_mm < tolerance.translation_mm
+                for tolerance in (FINE, COARSE)
+            )
+            count["right" if exact else "inexact" if close else "wrong"] += 1
+    columns = ("pairs", "right", "inexact", "wrong", "ambiguous", "underdetermined", "failed")
+    rows = [[case, *(count[column] for column in columns)] for case, count in counts.items()]
+    print(tabulate(rows, ["missing", *columns], "github"))
+
+
+if __name__ == "__main__":
+    main()
