@@ -6,26 +6,25 @@ Outlines do: a face that ends in one view must end there in the other, if that s
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from registration.gauss_sphere.bending import doubted
+from registration.gauss_sphere.coinciding import coinciding_points, information_of
 from registration.gauss_sphere.decision import is_thin
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.open_directions import centre_of, open_units, uncertainty
-from registration.gauss_sphere.outlines import Outlines, as_ends, moved_outlines
-from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.outlines import Ends, Outlines, as_ends, moved_outlines
+from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.refine import distances2, likelihood
 from registration.gauss_sphere.small_matrices import apply_step
 from registration.gauss_sphere.testimony import ANY_WAY, said
 from registration.gauss_sphere.verification import compared
 from registration.gauss_sphere.view import View
-from registration.kernels import compiled
 from registration.scan import FloatArray
 
-LIKE, SAME_WAY = 0.98, 0.95  # cosines between normals, and between outward directions
-LEAST_SLANT = 0.3  # of an outline against a shift, to tell where along it
 ROUNDS = 3
 BARELY = 1e-9  # of the information: enough to solve for what stays open
 
@@ -38,16 +37,13 @@ def appealed(
     bias_mm: float,
     params: GaussSphereParams,
 ) -> list[Settled]:
-    """The settled poses, moved to where outlines coincide, without those that outlines deny.
+    """The settled poses, and what becomes of them where outlines coincide, less what outlines deny.
 
     bias_mm: what is seen of a bias of the planes. None are left where outlines do not confirm the
     best of them, or few planes do.
     """
     how = params.outlines
-    of_target, of_source = outlines
-    starts = []
-    for pose in settled:
-        starts.extend(_starts(pose, target, of_target, of_source, params))
+    starts = [start for pose in settled for start in _starts(pose, target, outlines, params)]
     rotations = np.array([r for r, _ in starts])
     shifts = np.array([t for _, t in starts])
     n = len(starts)
@@ -62,8 +58,10 @@ def appealed(
     )
     if bias_mm > 0.0:
         again = [doubted(p, target.patches, source.patches, bias_mm, params) for p in again]
-    fixed = [_fixed(pose, target, source, of_target, of_source, params) for pose in again]
+    there = [_carried_back(pose, target, source, outlines, params) for pose in again]
+    fixed = [_fixed(pose, target, source, outlines, params) for pose in there]
     poses = different(fixed, source, params.decision)
+    of_target, of_source = outlines
     needed = max(how.least, how.confirmed_share * (of_target.line.size + of_source.line.size))
     ends = as_ends(of_target), as_ends(of_source)
     words = [said(p.rotation, p.shift_mm, target, source, ends, ANY_WAY, how) for p in poses]
@@ -74,6 +72,7 @@ def appealed(
         return []
     most = min(sure) + how.dropped_share
     left = [k for k in range(len(poses)) if shares[k] <= most]
+    left = [k for k in left if not _is_elsewhere(poses[k], target, source, ends, params)] or left
     first = left[0]
     if words[first][0] < needed or shares[first] > how.denied_share:
         return []
@@ -83,49 +82,115 @@ def appealed(
 
 
 def _starts(
-    pose: Settled,
-    target: View,
-    of_target: Outlines,
-    of_source: Outlines,
-    params: GaussSphereParams,
+    pose: Settled, target: View, outlines: tuple[Outlines, Outlines], params: GaussSphereParams
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """A pose, or where along the one shift that its planes leave open outlines coincide."""
+    """Where along the one shift that its planes leave open outlines coincide, and the pose."""
     how, here = params.outlines, [(pose.rotation, pose.shift_mm)]
-    _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
-    if open_directions.shape[0] != 1:
+    along = _open_shift(pose, target, params)
+    if along is None:
         return here
-    turn, shift = open_directions[0, :3], open_directions[0, 3:]
-    along = shift + np.cross(turn, centre_of(pose, target))
-    length = np.linalg.norm(along)
-    if np.linalg.norm(turn) * params.decision.open_mm > length * params.decision.open_rad:
-        return here
-    along = along / length
-    n = int(how.slide_mm / how.cell_mm)
-    points = _coincide(
-        of_target, moved_outlines(of_source, pose.rotation, pose.shift_mm), along, how.cell_mm, n,
-        how.on_mm,
-    )  # fmt: skip
+    shifts_mm, points = _coinciding(pose, outlines, along, how.slide_mm, how)
     found: list[tuple[FloatArray, FloatArray]] = []
-    most = max(points.max() * how.peak_share, how.least)
+    most = max(points.max() * how.peak_share, how.coinciding)
     while points.max() >= most and len(found) < params.verification.kept:
         k = int(points.argmax())
-        found.append((pose.rotation, pose.shift_mm + (k - n) * how.cell_mm * along))
-        near = int(params.decision.distinct_mm / how.cell_mm)
-        points[max(k - near, 0) : k + near + 1] = 0.0
-    return found or here
+        found.append((pose.rotation, pose.shift_mm + shifts_mm[k] * along))
+        points[abs(shifts_mm - shifts_mm[k]) <= params.decision.distinct_mm] = 0.0
+    return [*found, *here]
+
+
+def _open_shift(pose: Settled, target: View, params: GaussSphereParams) -> FloatArray | None:
+    """(3,) the direction of the shift that planes leave open, if that is all they leave open."""
+    _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
+    if open_directions.shape[0] != 1:
+        return None
+    turn, shift = open_directions[0, :3], open_directions[0, 3:]
+    along: FloatArray = shift + np.cross(turn, centre_of(pose, target))
+    length = np.linalg.norm(along)
+    if np.linalg.norm(turn) * params.decision.open_mm > length * params.decision.open_rad:
+        return None
+    return along / length
+
+
+def _coinciding(
+    pose: Settled,
+    outlines: tuple[Outlines, Outlines],
+    along: FloatArray,
+    reach_mm: float,
+    params: OutlineParams,
+) -> tuple[FloatArray, FloatArray]:
+    """Shifts (m,) along a direction, in mm, and points (m,) of outlines that coincide there."""
+    n = int(reach_mm / params.cell_mm)
+    there = moved_outlines(outlines[1], pose.rotation, pose.shift_mm)
+    points = coinciding_points(outlines[0], there, along, params.cell_mm, n, params.on_mm)
+    shifts_mm = params.cell_mm * np.arange(-n, n + 1, dtype=np.float64)
+    return shifts_mm, points
+
+
+def _is_elsewhere(
+    pose: Settled, target: View, source: View, ends: tuple[Ends, Ends], params: GaussSphereParams
+) -> bool:
+    """Whether ends of faces deny a pose along what planes and outlines left open.
+
+    Then it stands for places along there, of which the true one would be another pose.
+    """
+    how = params.outlines
+    _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
+    for confirmed, denied in _said_along(pose, open_directions, target, source, ends, how):
+        said_at_all = confirmed + denied
+        if 2 * said_at_all >= how.least and denied > how.dropped_share * said_at_all:
+            return True
+    return False
+
+
+def _said_along(
+    pose: Settled,
+    directions: FloatArray,
+    target: View,
+    source: View,
+    ends: tuple[Ends, Ends],
+    params: OutlineParams,
+) -> Iterator[tuple[int, int]]:
+    """How many ends of faces across each direction (k, 6) confirm a pose, and deny it."""
+    centre = centre_of(pose, target)
+    for direction in directions:
+        across = direction[3:] + np.cross(direction[:3], centre)
+        across = across / max(float(np.linalg.norm(across)), 1e-12)
+        yield said(pose.rotation, pose.shift_mm, target, source, ends, across, params)
+
+
+def _carried_back(
+    pose: Settled,
+    target: View,
+    source: View,
+    outlines: tuple[Outlines, Outlines],
+    params: GaussSphereParams,
+) -> Settled:
+    """The pose, near by where outlines coincide: planes move it along a shift they hardly know."""
+    how, along = params.outlines, _open_shift(pose, target, params)
+    if along is None:
+        return pose
+    shifts_mm, points = _coinciding(pose, outlines, along, how.carried_mm, how)
+    if points.max() < how.coinciding:
+        return pose
+    most = shifts_mm[points == points.max()]
+    t = pose.shift_mm + most[abs(most).argmin()] * along
+    areas, score = compared(
+        target, source, pose.rotation, t, params.match.tolerances_mm[-1], params.verification
+    )
+    return pose._replace(shift_mm=t, areas=areas, score=score)
 
 
 def _fixed(
     pose: Settled,
     target: View,
     source: View,
-    of_target: Outlines,
-    of_source: Outlines,
+    outlines: tuple[Outlines, Outlines],
     params: GaussSphereParams,
 ) -> Settled:
     """The pose, moved by outlines and surer by them in what its planes leave open."""
     how, likely = params.outlines, likelihood(params.refine)
-    planes = target.patches, source.patches
+    planes, (of_target, of_source) = (target.patches, source.patches), outlines
     _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
     if not open_directions.shape[0]:
         return pose
@@ -137,7 +202,7 @@ def _fixed(
     for done in range(ROUNDS + 1):
         gate_mm = how.gate_mm if done == 0 else 0.5 * how.gate_mm
         there = moved_outlines(of_source, r, t)
-        _accumulate(of_target, there, gate_mm, how.on_mm, how.line_mm, information, gradient)
+        information_of(of_target, there, gate_mm, how.on_mm, how.line_mm, information, gradient)
         if done < ROUNDS:
             curved = sure + information
             curved += BARELY * np.diag(np.diag(curved))
@@ -159,12 +224,8 @@ def _fixed(
         areas=areas,
         score=score,
     )
-    centre = centre_of(pose, target)
     ends = as_ends(of_target), as_ends(of_source)
-    for direction in open_directions:
-        across = direction[3:] + np.cross(direction[:3], centre)
-        across = across / max(float(np.linalg.norm(across)), 1e-12)
-        confirmed, denied = said(r, t, target, source, ends, across, how)
+    for confirmed, denied in _said_along(moved_there, open_directions, target, source, ends, how):
         if confirmed < how.least or denied > how.denied_share * (confirmed + denied):
             return pose
     return moved_there
@@ -179,100 +240,3 @@ def _without_negative(
     half = np.linalg.inv(units).T @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     kept: FloatArray = half @ half.T
     return kept
-
-
-@compiled
-def _coincide(
-    of_target: Outlines, of_source: Outlines, along: FloatArray, cell: float, n: int, on_mm: float
-) -> FloatArray:
-    """(2 n + 1,) points of the source's outlines that lie on the target's, shift by shift."""
-    points, last = np.zeros(2 * n + 1), np.full(2 * n + 1, -1)
-    a, b = of_target, of_source
-    slant = np.empty(a.line.size)
-    for i in range(a.line.size):
-        o = a.outward[i]
-        slant[i] = o[0] * along[0] + o[1] * along[1] + o[2] * along[2]
-    for k in range(b.line.size):
-        m, normal = b.outward[k], b.normal[k]
-        if abs(m[0] * along[0] + m[1] * along[1] + m[2] * along[2]) < LEAST_SLANT:
-            continue
-        for i in range(a.line.size):
-            if abs(slant[i]) < LEAST_SLANT:
-                continue
-            same_way, like, over, ahead, aside, drift = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for u in range(3):
-                d = a.point_mm[i, u] - b.point_mm[k, u]
-                same_way += a.outward[i, u] * m[u]
-                like += a.normal[i, u] * normal[u]
-                over += a.normal[i, u] * d
-                ahead += a.outward[i, u] * d
-                aside += a.along[i, u] * d
-                drift += a.along[i, u] * along[u]
-            if same_way < SAME_WAY or like < LIKE or abs(over) > on_mm:
-                continue
-            shift = ahead / slant[i]
-            if abs(aside - shift * drift) > on_mm:
-                continue
-            c = int(np.floor(shift / cell + 0.5)) + n
-            for v in range(max(c - 1, 0), min(c + 2, 2 * n + 1)):
-                if last[v] != k:
-                    last[v] = k
-                    points[v] += 1.0
-    return points
-
-
-@compiled
-def _accumulate(
-    of_target: Outlines,
-    of_source: Outlines,
-    gate_mm: float,
-    on_mm: float,
-    line_mm: float,
-    information: FloatArray,
-    gradient: FloatArray,
-) -> None:
-    """Information (6, 6) and gradient of the distances across outlines; a line errs as one."""
-    a, b = of_target, of_source
-    information[:] = 0.0
-    gradient[:] = 0.0
-    lines = 0
-    for i in range(a.line.size):
-        lines = max(lines, a.line[i] + 1)
-    met, points = np.full(b.line.size, -1), np.zeros(lines)
-    for k in range(b.line.size):
-        nearest2 = 2.0 * gate_mm * gate_mm
-        for i in range(a.line.size):
-            same_way, like, over, ahead, away2 = 0.0, 0.0, 0.0, 0.0, 0.0
-            for u in range(3):
-                d = a.point_mm[i, u] - b.point_mm[k, u]
-                away2 += d * d
-                same_way += a.outward[i, u] * b.outward[k, u]
-                like += a.normal[i, u] * b.normal[k, u]
-                over += a.normal[i, u] * d
-                ahead += a.outward[i, u] * d
-            if away2 > nearest2 or same_way < SAME_WAY or like < LIKE:
-                continue
-            if abs(over) < on_mm and abs(ahead) < gate_mm:
-                nearest2 = away2
-                met[k] = i
-        if met[k] >= 0:
-            points[a.line[met[k]]] += 1.0
-    row = np.empty(6)
-    for k in range(b.line.size):
-        i = met[k]
-        if i < 0:
-            continue
-        ahead = 0.0
-        for u in range(3):
-            ahead += a.outward[i, u] * (b.point_mm[k, u] - a.point_mm[i, u])
-            row[3 + u] = a.outward[i, u]
-        q = b.point_mm[k]
-        row[0] = q[1] * row[5] - q[2] * row[4]
-        row[1] = q[2] * row[3] - q[0] * row[5]
-        row[2] = q[0] * row[4] - q[1] * row[3]
-        alone = a.variance_mm2[i] + b.variance_mm2[k]
-        w = 1.0 / (points[a.line[i]] * line_mm * line_mm + alone)
-        for u in range(6):
-            gradient[u] += w * row[u] * ahead
-            for v in range(6):
-                information[u, v] += w * row[u] * row[v]

@@ -242,7 +242,8 @@ class OutlineParams:
         that the other view says something of, what it may deny of the best pose; dropped_share:
         poses of which it denies a share larger by this than the least are dropped.
     slide_mm: how far along an open direction a pose is moved, in steps of cell_mm; peak_share: of
-        the most points that coincide, what makes another shift a rival. gate_mm: of matches.
+        the most points that coincide, what makes another shift a rival, and coinciding how many.
+        carried_mm: how far planes may carry it off again. gate_mm: of matches.
     """
 
     behind_mm: float = 12.0
@@ -260,7 +261,9 @@ class OutlineParams:
     dropped_share: float = 0.3
     slide_mm: float = 400.0
     cell_mm: float = 2.0
-    peak_share: float = 0.4
+    peak_share: float = 0.3
+    coinciding: int = 5
+    carried_mm: float = 60.0
     gate_mm: float = 8.0
     line_mm: float = 3.0
 

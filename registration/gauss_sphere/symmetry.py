@@ -16,7 +16,7 @@ from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import Ends, as_ends, outlines_of
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
 from registration.gauss_sphere.testimony import ANY_WAY, said, said_of_ends
-from registration.gauss_sphere.turning import Turning, turned_poses
+from registration.gauss_sphere.turning import NEARLY_FREE, Turning, turned_poses
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
     SUPPORT,
@@ -27,9 +27,9 @@ from registration.gauss_sphere.view import View
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
-SIDES_OF_PRISMS = (2, 3, 4, 6)  # that look the same a turn of 360 degrees / sides further
+SIDES_OF_PRISMS = (2, 3, 4, 5, 6, 8)  # that look the same a turn of 360 degrees / sides further
 TURNS_DEG = np.unique([360.0 * k / n for n in SIDES_OF_PRISMS for k in range(1, n)])
-NEARLY, NEARLY_FREE = 0.8, 0.05  # score it needs and contradiction allowed before it is placed
+NEARLY = 0.8  # of the score it needs, what it must have before it is placed
 OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
 AS_GOOD = 0.98  # of a pose's score: what its planes must reach to have it where they want it
 

@@ -25,6 +25,7 @@ MOST_STEPS = 24  # that a pose is moved by, of all widths together
 FEW, WORTH_LOOKING = 3, 0.3  # support that a third of the samples must tell of, to ask more
 WORTH_MOVING = 0.5  # of the score that a pose needs: with less it is not moved to a better fit
 FAR_OFF = 0.5  # contradiction over support from which on it is not moved, either
+NEARLY_FREE = 0.05  # with less it may be where it belongs, but for a few mm
 
 
 class Turning(NamedTuple):
@@ -88,7 +89,8 @@ def turned_poses(
             alike = are_same(
                 rotations[c], nowhere, rotations[k], nowhere, nowhere, turning.distinct_rad, np.inf
             )
-            known = known or (alike and score[k] > turning.needed)
+            free = areas[k, CONTRADICTION] <= NEARLY_FREE * areas[k, SUPPORT]
+            known = known or (alike and free and score[k] > turning.needed)
         if known:
             continue
         _move_to_fit(target, source, how, turning, rotations[c], shifts[c], along[c], counts)
