@@ -125,6 +125,27 @@ def laid_table(seed: int) -> Pair:
     return seen_twice(things, views, rng, noise=0.1)
 
 
+def brackets_in_a_row(seed: int) -> Pair:
+    """Three equal L brackets at equal distances on a floor, from views that see some of them."""
+    rng = np.random.default_rng([41, seed])
+    half, height = rng.uniform([50.0, 50.0], [80.0, 100.0])
+    apart, yaw_rad, depth = rng.uniform([200.0, -0.5, 100.0], [300.0, 0.5, 200.0])
+    things = []
+    for nth in (-1, 0, 1):
+        for half_mm, x, y in (
+            ([half, 25.0, 0.5 * height], 0.0, 0.0),
+            ([25.0, 0.3 * depth, 0.5 * height], half - 25.0, 0.3 * depth + 25.0),
+        ):
+            place = turned_by(yaw_rad, x, y + nth * apart)
+            things.append(standing(half_mm, 0.0, yaw_rad, place))
+    views = [
+        tilted(rng.uniform(-20.0, 20.0), rng.uniform(10.0, 35.0), rng.uniform(-10.0, 10.0))
+        for _ in range(2)
+    ]
+    moved = [RigidTransform.from_translation([*rng.uniform(-100.0, 100.0, 2), 0.0]) for _ in views]
+    return seen_twice(things, [m * v for m, v in zip(moved, views, strict=True)], rng, 1.0)
+
+
 def counted(pairs: list[Pair]) -> tuple[Counter[str], int]:
     """Statuses, with "ok" as "right" or "wrong", and how many hold the true pose in any place."""
     counts, held = Counter[str](), 0
@@ -171,6 +192,17 @@ def test_things_that_tell_sides_apart_leave_one_pose() -> None:
     counts, _ = counted([laid_table(seed) for seed in range(16)])
     assert counts["wrong"] == 0
     assert counts["right"] >= 14
+
+
+@pytest.mark.parametrize("seed", [40, 73, 95, 115, 123, 175, 176])
+def test_a_bracket_of_a_row_is_not_taken_for_the_next(seed: int) -> None:
+    # Seeds at which it was: of 160, 10 were wrong, where outlines replaced poses by others.
+    pair = brackets_in_a_row(seed)
+    result = register(pair.target, pair.source)
+    if result.status == "ok":
+        angle_deg, distance_mm = pose_error(result.T_target_source, pair.T_target_source)
+        assert angle_deg < 1.0
+        assert distance_mm < 15.0
 
 
 def rivals_of_true_poses(pairs: list[Pair], **decision: float) -> int:
