@@ -194,10 +194,10 @@ def _unless_turned(
     Then all poses are ordered anew: a turned one may fit better.
     """
     decision = params.decision
-    rivals = turned_rivals(settled[0], target, source, params)
-    if not rivals:
-        return settled, answer
+    rivals = turned_rivals(settled, target, source, params)
     alike = different([settled[0], *rivals], source, decision)
+    if len(alike) == 1:
+        return settled, answer
     poses = different([*alike, *settled[1:]], source, decision)
     if bias_mm > 0.0 and poses[0] is not settled[0] and poses[0].pairs.size:
         poses[0] = doubted(poses[0], target.patches, source.patches, bias_mm, params)

@@ -16,7 +16,7 @@ from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import Ends, as_ends, outlines_of
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
 from registration.gauss_sphere.testimony import ANY_WAY, said, said_of_ends
-from registration.gauss_sphere.turning import NEARLY_FREE, Turning, turned_poses
+from registration.gauss_sphere.turning import Turning, is_nearly_free, turned_poses
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
     SUPPORT,
@@ -30,24 +30,30 @@ from registration.scan import FloatArray, IntArray
 SIDES_OF_PRISMS = (2, 3, 4, 5, 6, 8)  # that look the same a turn of 360 degrees / sides further
 TURNS_DEG = np.unique([360.0 * k / n for n in SIDES_OF_PRISMS for k in range(1, n)])
 NEARLY = 0.8  # of the score it needs, what it must have before it is placed
+LIKE_BEST = 0.6  # of the best score: other settled poses are asked from there on
 OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
 AS_GOOD = 0.98  # of a pose's score: what its planes must reach to have it where they want it
 
 
 def turned_rivals(
-    best: Settled, target: View, source: View, params: GaussSphereParams
+    settled: list[Settled], target: View, source: View, params: GaussSphereParams
 ) -> list[Settled]:
-    """The pose turned about the normals of its planes, where the scans allow it, best first.
+    """The best pose turned about the normals of its planes, where the scans allow it, best first.
 
     They do if it lays surface on surface, puts next to nothing in free space, and ends of faces
-    speak for it nearly as well as for the best pose. None is looked for where more than
-    params.decision.turned_planes agree.
+    speak for it nearly as well as for the best pose. The other settled poses are asked the same,
+    which planes alone do not allow, but ends of faces may have elsewhere. None is looked for where
+    more than params.decision.turned_planes agree.
     """
-    decision, how = params.decision, params.outlines
+    best, decision, how = settled[0], params.decision, params.outlines
     agreeing = agreeing_patches(best, target, decision)
-    if len(agreeing) > decision.turned_planes:
+    if not 0 < len(agreeing) <= decision.turned_planes:
         return []
     turned, along = _turned(best, agreeing, target, source, params)
+    for pose in settled[1:]:
+        if pose.score > LIKE_BEST * best.score and is_nearly_free(pose.areas):
+            turned.append(pose)
+            along.append(target.patches.basis[_largest(agreeing[:, 0], target)])
     if not turned:
         return []
     ends = as_ends(outlines_of(target, how)), as_ends(outlines_of(source, how))
@@ -67,6 +73,10 @@ def turned_rivals(
         if spoken_for and _allowed(placed, best, decision):
             rivals.append(_settled(placed, best, target, source, params))
     return different(rivals, source, decision)
+
+
+def _largest(patches: IntArray, view: View) -> int:
+    return int(patches[view.patches.area_mm2[patches].argmax()])
 
 
 def _scored(pose: Settled, target: View, source: View, params: GaussSphereParams) -> Settled:
@@ -127,8 +137,9 @@ def _turned(
     )
     how = comparison(params.verification)
     turned = turned_poses(target, source, how, turning, best.rotation, best.shift_mm, agreeing)
-    free = turned.areas[:, CONTRADICTION] <= NEARLY_FREE * turned.areas[:, SUPPORT]
-    chosen = np.flatnonzero(free & (turned.score > NEARLY * needed))
+    chosen = [
+        c for c in np.flatnonzero(turned.score > NEARLY * needed) if is_nearly_free(turned.areas[c])
+    ]
     poses = [
         Settled(
             turned.rotation[c],

@@ -89,14 +89,19 @@ def turned_poses(
             alike = are_same(
                 rotations[c], nowhere, rotations[k], nowhere, nowhere, turning.distinct_rad, np.inf
             )
-            free = areas[k, CONTRADICTION] <= NEARLY_FREE * areas[k, SUPPORT]
-            known = known or (alike and free and score[k] > turning.needed)
+            known = known or (alike and score[k] > turning.needed and is_nearly_free(areas[k]))
         if known:
             continue
         _move_to_fit(target, source, how, turning, rotations[c], shifts[c], along[c], counts)
         compare_both(*seen, how, rotations[c], shifts[c], turning.tolerance_mm, 1, counts, areas[c])
         score[c] = score_of(how, areas[c])
     return Turned(rotations, shifts, along, areas, score)
+
+
+@compiled
+def is_nearly_free(areas: FloatArray) -> bool:
+    """Whether a pose may be where it belongs, but for a few mm: areas (4,) as of compare_both."""
+    return bool(areas[CONTRADICTION] <= NEARLY_FREE * areas[SUPPORT])
 
 
 @compiled

@@ -214,7 +214,7 @@ def rivals_of_true_poses(pairs: list[Pair], **decision: float) -> int:
         rotation = np.ascontiguousarray(pair.T_target_source.rotation.as_matrix())
         shift = np.asarray(pair.T_target_source.translation)
         (pose,) = settle_best(target, source, rotation[None], shift[None], every, look_again=False)
-        count += len(turned_rivals(pose, target, source, every))
+        count += len(turned_rivals([pose], target, source, every))
     return count
 
 
