@@ -182,11 +182,35 @@ def round_things(rng: np.random.Generator) -> list[Solid]:
     return [FLOOR, WALL, *things]
 
 
+def brackets(rng: np.random.Generator) -> list[Solid]:
+    """Three equal L brackets in a row: a view may see others of them than the next view."""
+    long, short, height, apart = rng.uniform([0.1, 0.03, 0.05, 0.2], [0.16, 0.06, 0.1, 0.3])
+    turn, solids = turned(rng.uniform(-30.0, 30.0)), [FLOOR]
+    for i in range(3):
+        place = np.array([0.0, (i - 1) * apart, 0.0])
+        beside = place + np.array([0.5 * long - 0.025, 0.5 * short + 0.025, 0.0])
+        solids.append(box(f"long{i}", [long, 0.05, height], turn.apply(place), turn))
+        solids.append(box(f"short{i}", [0.05, short, height], turn.apply(beside), turn))
+    return solids
+
+
+def gables(rng: np.random.Generator) -> list[Solid]:
+    """Three to five equal houses in a row, their ridges along it."""
+    half, wall, roof, deep, apart = rng.uniform(
+        [0.05, 0.05, 0.03, 0.1, 0.2], [0.08, 0.1, 0.06, 0.18, 0.3]
+    )
+    ridge, turn = rng.uniform(-0.4, 0.4) * half, turned(rng.uniform(-30.0, 30.0))
+    number = int(rng.integers(3, 6))
+    outline = [(-half, 0.0), (half, 0.0), (half, wall), (ridge, wall + roof), (-half, wall)]
+    places = (turn.apply([0.0, (i - 0.5 * (number - 1)) * apart, 0.0]) for i in range(number))
+    return [FLOOR, *(prism(f"house{i}", outline, deep, at, turn) for i, at in enumerate(places))]
+
+
 KINDS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
     kind.__name__: kind
     for kind in (
         shelf, grid, louvre, cube, one_box, two_boxes, corner, three_directions, upright, roofs,
-        round_things, tiers,
+        round_things, tiers, brackets, gables,
     )
 }  # fmt: skip
 
