@@ -7,8 +7,9 @@ import pytest
 from plane_scans import APEX_BEHIND_MM, plates_from, random_clutter, scan_plates
 
 from registration import Scan
-from registration.gauss_sphere.beams import depth_noise, estimate_apex, fan_of
+from registration.gauss_sphere.beams import estimate_apex, fan_of
 from registration.gauss_sphere.calibrated import NOTHING_KNOWN
+from registration.gauss_sphere.depth_noise import depth_noise
 from registration.gauss_sphere.growing import grown
 from registration.gauss_sphere.params import PatchParams, SegmentParams
 from registration.gauss_sphere.patches import fit_patches
