@@ -26,8 +26,8 @@ def uncertainty(
     values, vectors = np.linalg.eigh(units.T @ known @ units)
     loose = values < 1.0
     if not loose.any():
-        spread = np.linalg.inv(known)
-        return 0.5 * (spread + spread.T), np.zeros((0, 6)), ""
+        deviations = units @ vectors / np.sqrt(values)
+        return deviations @ deviations.T, np.zeros((0, 6)), ""
     directions = (units @ vectors[:, loose]).T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     names = [_describe(vectors[:, i], values[i], scale) for i in np.flatnonzero(loose)]
@@ -46,11 +46,10 @@ def covariance_of(pose: Settled, target: View, params: DecisionParams) -> FloatA
 def open_units(pose: Settled, target: View, params: DecisionParams) -> FloatArray:
     """(6, 6) perturbations about the target's origin, a column each, that are of one unit of
     params.open_rad or params.open_mm about the middle of the matched surface."""
-    # v_centre = v + w x centre: what the perturbation (w, v) moves the centre by.
-    about_centre = np.eye(6)
-    about_centre[3:, :3] = -_cross(centre_of(pose, target))
-    units: FloatArray = np.linalg.inv(about_centre) * _scale(params)
-    return units
+    # v = v_centre - w x centre: v_centre is what the perturbation (w, v) moves the centre by.
+    about_origin = np.eye(6)
+    about_origin[3:, :3] = _cross(centre_of(pose, target))
+    return about_origin * _scale(params)
 
 
 def _scale(params: DecisionParams) -> FloatArray:

@@ -146,9 +146,10 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     elif result.status == "ok" and params.calibration:
         best = by_whole_planes(best, target.patches, source.patches, params)
         covariance = np.linalg.inv(best.sure)
+        (T_target_source,) = transforms([best])
         result = replace(
             result,
-            T_target_source=transforms([best])[0],
+            T_target_source=T_target_source,
             covariance=0.5 * (covariance + covariance.T),
         )
     planes = PlaneEvidence(target, source, best.pairs, best.distance2, params)

@@ -1,4 +1,4 @@
-"""Poses that a symmetry of few planes allows: the best one, turned about the normals of its planes.
+"""Poses that a symmetry of few planes allows: the best one, turned about its planes or moved on.
 
 The near sides of a box look like its far sides from behind. Where a scene is little more than one
 symmetric thing, what both views share does not tell which of its turns is meant: the true pose may
@@ -11,10 +11,11 @@ import math
 
 import numpy as np
 
-from registration.gauss_sphere.decision import agreeing_patches
+from registration.gauss_sphere.decision import agreeing_patches, agreeing_planes
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import Ends, as_ends, outlines_of
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
+from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.testimony import ANY_WAY, said, said_of_ends
 from registration.gauss_sphere.turning import Turning, is_nearly_free, turned_poses
 from registration.gauss_sphere.verification import (
@@ -28,7 +29,8 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 SIDES_OF_PRISMS = (2, 3, 4, 5, 6, 8)  # that look the same a turn of 360 degrees / sides further
-TURNS_DEG = np.unique([360.0 * k / n for n in SIDES_OF_PRISMS for k in range(1, n)])
+# With no turn as well: where equal things stand in a row, all is the same a period further.
+TURNS_DEG = np.unique([360.0 * k / n for n in SIDES_OF_PRISMS for k in range(n)])
 NEARLY = 0.8  # of the score it needs, what it must have before it is placed
 LIKE_BEST = 0.6  # of the best score: other settled poses are asked from there on
 OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
@@ -41,9 +43,10 @@ def turned_rivals(
     """The best pose turned about the normals of its planes, where the scans allow it, best first.
 
     They do if it lays surface on surface, puts next to nothing in free space, and ends of faces
-    speak for it nearly as well as for the best pose. The other settled poses are asked the same,
-    which planes alone do not allow, but ends of faces may have elsewhere. None is looked for where
-    more than params.decision.turned_planes agree.
+    speak for it nearly as well as for the best pose. The same is asked of the best pose moved along
+    its planes, as to the next of equal things in a row, if enough planes agree there; and of the
+    other settled poses, which planes alone do not allow, but ends of faces may have elsewhere. None
+    is looked for where more than params.decision.turned_planes agree.
     """
     best, decision, how = settled[0], params.decision, params.outlines
     agreeing = agreeing_patches(best, target, decision)
@@ -60,7 +63,7 @@ def turned_rivals(
     least = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
     confirmed, denied = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
     most_denied = denied / max(confirmed + denied, how.least) + decision.turned_denied
-    rivals = []
+    enough, rivals = _enough_planes(len(agreeing), decision), []
     for pose in different(turned, source, decision):
         (axes,) = (axes for one, axes in zip(turned, along, strict=True) if one is pose)
         t = pose.shift_mm.copy()
@@ -70,9 +73,28 @@ def turned_rivals(
         )  # fmt: skip
         placed = _scored(pose._replace(shift_mm=t), target, source, params)
         spoken_for = confirmed >= least and denied <= most_denied * (confirmed + denied)
-        if spoken_for and _allowed(placed, best, decision):
-            rivals.append(_settled(placed, best, target, source, params))
+        if not (spoken_for and _allowed(placed, best, decision)):
+            continue
+        rival = _settled(placed, best, target, source, params)
+        unturned = pose.pairs.size == 0 and _is_unturned(pose, best, decision)
+        if not unturned or agreeing_planes(rival, target, decision) >= enough:
+            rivals.append(rival)
     return different(rivals, source, decision)
+
+
+def _enough_planes(agreeing: int, params: DecisionParams) -> float:
+    """How many planes must agree on a pose further along, where so many agree on the best one.
+
+    Where these are few, surface and ends of faces say enough: so large planes seldom lie on others.
+    """
+    few = agreeing <= params.sure_planes
+    return 0.0 if few else max(params.appeal_planes, params.repeat_planes * agreeing)
+
+
+def _is_unturned(pose: Settled, best: Settled, params: DecisionParams) -> bool:
+    nowhere = np.zeros(3)
+    turns = pose.rotation, nowhere, best.rotation, nowhere
+    return bool(are_same(*turns, nowhere, params.distinct_rad, np.inf))
 
 
 def _largest(patches: IntArray, view: View) -> int:
@@ -134,6 +156,7 @@ def _turned(
         np.array([params.verification.rough_stride, params.match.strides[0]]),
         needed,
         decision.distinct_rad,
+        decision.distinct_mm,
     )
     how = comparison(params.verification)
     turned = turned_poses(target, source, how, turning, best.rotation, best.shift_mm, agreeing)

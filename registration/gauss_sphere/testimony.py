@@ -142,7 +142,7 @@ def _told(
     across: (3,) only those count that lead out of the face along it; 0 for all.
     """
     any_way = across[0] == 0.0 and across[1] == 0.0 and across[2] == 0.0
-    inside, outside = np.empty((2, 4, ends.point_mm.shape[0]))
+    inside, outside = np.empty((2, 6, ends.point_mm.shape[0]))
     normal, n = np.empty((ends.point_mm.shape[0], 3)), 0
     for j in range(ends.point_mm.shape[0]):
         share = 0.0
@@ -170,7 +170,7 @@ def _what_is_at(
 ) -> IntArray:
     """What a view sees at the first n points: a face of that normal, free space, or neither.
 
-    points: (4, n or more) x, y and z, and room for the depth; normal: (n or more, 3).
+    points: (6, n or more) x, y and z, and room for what beams_at leaves; normal: (n or more, 3).
     """
     beam, word = np.empty(n, np.int64), np.full(n, UNKNOWN)
     beams_at(seen, points, beam)

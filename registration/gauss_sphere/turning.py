@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.poses import are_same
@@ -21,9 +22,13 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 WIDEST_STEP_MM, LEAST_STEP_MM = 16.0, 2.0
+FINE_MM = 4.0  # steps up to here are judged by more samples
 MOST_STEPS = 24  # that a pose is moved by, of all widths together
 FEW, WORTH_LOOKING = 3, 0.3  # support that a third of the samples must tell of, to ask more
 WORTH_MOVING = 0.5  # of the score that a pose needs: with less it is not moved to a better fit
+REPEATED_MM = 60.0  # that a pose which is not turned is moved by, at least: planes tell of less
+OFFERED = 1.5  # times the score that a pose needs: what faces that may meet under it must offer
+REACH = 2.0  # of a face from its centre, in standard deviations of its points
 FAR_OFF = 0.5  # contradiction over support from which on it is not moved, either
 NEARLY_FREE = 0.05  # with less it may be where it belongs, but for a few mm
 
@@ -36,7 +41,8 @@ class Turning(NamedTuple):
     direction and along it they may be.
     tolerance_mm: distance within which a point lies on the other view's plane.  strides: (2,) of
     the samples that are looked at, to find the best starts and to move them.
-    needed: score that a pose needs.  distinct_rad: poses that differ by less are turned alike.
+    needed: score that a pose needs.  distinct_rad: poses that differ by less are turned alike;
+    distinct_mm: and are one, if they are not turned at all.
     """
 
     turns_rad: FloatArray
@@ -47,6 +53,7 @@ class Turning(NamedTuple):
     strides: IntArray
     needed: float
     distinct_rad: float
+    distinct_mm: float
 
 
 class Turned(NamedTuple):
@@ -84,15 +91,19 @@ def turned_poses(
     seen, along = (target.seen, source.seen), target.patches.basis[plane]
     counts = np.empty((target.patches.n_points.size, source.patches.n_points.size), np.int64)
     for c in np.argsort(-start, kind="mergesort"):
-        known = False
+        known, alike_rad = False, turning.distinct_rad
+        unturned = are_same(rotations[c], nowhere, r, nowhere, nowhere, alike_rad, np.inf)
+        alike_mm = turning.distinct_mm if unturned else np.inf
         for k in range(start.size):
             alike = are_same(
-                rotations[c], nowhere, rotations[k], nowhere, nowhere, turning.distinct_rad, np.inf
+                rotations[c], shifts[c], rotations[k], shifts[k], nowhere, alike_rad, alike_mm
             )
             known = known or (alike and score[k] > turning.needed and is_nearly_free(areas[k]))
         if known:
             continue
         _move_to_fit(target, source, how, turning, rotations[c], shifts[c], along[c], counts)
+        if unturned and _distance(shifts[c], t) < REPEATED_MM:
+            continue
         compare_both(*seen, how, rotations[c], shifts[c], turning.tolerance_mm, 1, counts, areas[c])
         score[c] = score_of(how, areas[c])
     return Turned(rotations, shifts, along, areas, score)
@@ -125,26 +136,34 @@ def _starts(
     rotations, shifts, plane = np.empty((room, 3, 3)), np.empty((room, 3)), np.empty(room, np.int64)
     counts = np.empty((a.n_points.size, b.n_points.size), np.int64)
     start, some, step, nowhere = np.empty(room), np.empty(4), np.zeros(6), np.zeros(3)
-    turned, there, possible, n = np.empty((3, 3)), np.empty(3), False, 0
-    for turn in turning.turns_rad:
-        for p in range(pairs.shape[0]):
-            i, j, about = pairs[p]
-            if p == 0 or about != pairs[p - 1, 2]:
-                step[:3] = turn * a.normal[about]
-                apply_step(step, r, nowhere, turned, there)
-                possible = _most_support(a, b, how, turned) > needed
-            if not possible:
+    level, turned, there, n = np.empty(counts.shape, np.bool_), np.empty((3, 3)), np.empty(3), 0
+    first = 0
+    while first < pairs.shape[0]:
+        about, past = pairs[first, 2], first + 1
+        while past < pairs.shape[0] and pairs[past, 2] == about:
+            past += 1
+        _find_level(a, b, r, t, a.normal[about], turning, level)
+        for turn in turning.turns_rad:
+            step[:3] = turn * a.normal[about]
+            apply_step(step, r, nowhere, turned, there)
+            if _most_support(a, b, how, turned, level) < OFFERED * needed:
                 continue
-            for u in range(3):
-                there[u] = a.centroid_mm[i, u] - _dot(turned[u], b.centroid_mm[j])
-            compare_both(*seen, how, turned, there, tolerance_mm, FEW * strides[0], counts, some)
-            if some[SUPPORT] < WORTH_LOOKING * needed:
-                continue
-            compare_both(*seen, how, turned, there, tolerance_mm, strides[0], counts, some)
-            score, free = score_of(how, some), some[CONTRADICTION] <= FAR_OFF * some[SUPPORT]
-            if free and score >= WORTH_MOVING * needed:
-                rotations[n], shifts[n], plane[n], start[n] = turned, there, about, score
-                n += 1
+            for i, j, _ in pairs[first:past]:
+                for u in range(3):
+                    there[u] = a.centroid_mm[i, u] - _dot(turned[u], b.centroid_mm[j])
+                if turn == 0.0 and _distance(there, t) < REPEATED_MM:
+                    continue
+                compare_both(
+                    *seen, how, turned, there, tolerance_mm, FEW * strides[0], counts, some
+                )
+                if some[SUPPORT] < max(WORTH_LOOKING * needed, some[CONTRADICTION]):
+                    continue
+                compare_both(*seen, how, turned, there, tolerance_mm, strides[0], counts, some)
+                score, free = score_of(how, some), some[CONTRADICTION] <= FAR_OFF * some[SUPPORT]
+                if free and score >= WORTH_MOVING * needed:
+                    rotations[n], shifts[n], plane[n], start[n] = turned, there, about, score
+                    n += 1
+        first = past
     return rotations[:n], shifts[:n], plane[:n], start[:n]
 
 
@@ -195,15 +214,61 @@ def _dot(a: FloatArray, b: FloatArray) -> float:
 
 
 @compiled
-def _most_support(a: Patches, b: Patches, how: Comparison, r: FloatArray) -> float:
-    """Surface in mm^2 that a rotation may lay on the other's, wherever it is, by the directions."""
+def _find_level(
+    a: Patches,
+    b: Patches,
+    r: FloatArray,
+    t: FloatArray,
+    along: FloatArray,
+    turning: Turning,
+    level: NDArray[np.bool_],
+) -> None:
+    """Which patches, (m, n) out, may meet under a pose when they are moved across a direction."""
+    apart_mm, height = turning.apart_mm + turning.tolerance_mm, np.empty((2, b.n_points.size))
+    tilted, shift = np.empty(3), _dot(along, t)
+    for u in range(3):  # the direction as the source has it
+        tilted[u] = r[0, u] * along[0] + r[1, u] * along[1] + r[2, u] * along[2]
+    for j in range(b.n_points.size):
+        height[0, j], height[1, j] = _dot(tilted, b.centroid_mm[j]) + shift, _reach(b, j, tilted)
+    for i in range(a.n_points.size):
+        at, reach = _dot(along, a.centroid_mm[i]), _reach(a, i, along) + apart_mm
+        for j in range(b.n_points.size):
+            level[i, j] = abs(at - height[0, j]) < reach + height[1, j]
+
+
+@compiled
+def _reach(patches: Patches, i: int, along: FloatArray) -> float:
+    """How far a patch reaches from its centre along a direction, in mm."""
+    basis, spread = patches.basis[i], patches.spread_mm[i]
+    across, up = spread[0] * _dot(basis[0], along), spread[1] * _dot(basis[1], along)
+    return float(REACH * np.sqrt(across * across + up * up))
+
+
+@compiled
+def _distance(a: FloatArray, b: FloatArray) -> float:
+    return float(np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2))
+
+
+@compiled
+def _most_support(
+    a: Patches, b: Patches, how: Comparison, r: FloatArray, level: NDArray[np.bool_]
+) -> float:
+    """Surface in mm^2 that a rotation may lay on the other's, wherever it is, by the directions.
+
+    level: (m, n) which patches may meet.
+    """
     on_a, on_b, normal = np.zeros(a.n_points.size), np.zeros(b.n_points.size), np.empty(3)
     for j in range(b.n_points.size):
         for u in range(3):
             normal[u] = _dot(r[u], b.normal[j])
         for i in range(a.n_points.size):
-            if _dot(normal, a.normal[i]) > how.cos_tolerance:
-                on_a[i], on_b[j] = a.area_mm2[i], b.area_mm2[j]
+            if level[i, j] and _dot(normal, a.normal[i]) > how.cos_tolerance:
+                on_a[i] += b.area_mm2[j]
+                on_b[j] += a.area_mm2[i]
+    for i in range(on_a.size):
+        on_a[i] = min(on_a[i], a.area_mm2[i])
+    for j in range(on_b.size):
+        on_b[j] = min(on_b[j], b.area_mm2[j])
     return float(0.5 * (on_a.sum() + on_b.sum()))
 
 
@@ -220,12 +285,16 @@ def _move_to_fit(
 ) -> None:
     """Move a pose along two directions (2, 3) to a better score: t (3,) is changed in place."""
     seen, some, trial = (target.seen, source.seen), np.empty(4), np.empty(3)
-    tolerance_mm, stride = turning.tolerance_mm, turning.strides[1]
-    compare_both(*seen, how, r, t, tolerance_mm, stride, counts, some)
-    best, step_mm = score_of(how, some), WIDEST_STEP_MM
+    tolerance_mm, stride = turning.tolerance_mm, 0
+    best, step_mm = 0.0, WIDEST_STEP_MM
     for _ in range(MOST_STEPS):
         if step_mm < LEAST_STEP_MM:
             break
+        wanted = turning.strides[0] if step_mm > FINE_MM else turning.strides[1]
+        if wanted != stride:
+            stride = wanted
+            compare_both(*seen, how, r, t, tolerance_mm, stride, counts, some)
+            best = score_of(how, some)
         better = False
         for axis in range(2):
             for step in (-step_mm, step_mm):

@@ -109,7 +109,7 @@ def _compare(
                 + r[u, 2] * source_normal[k, 2]
             )
     n = (sample_area.size + stride - 1) // stride
-    moved, beam = np.empty((4, n)), np.empty(n, np.int64)
+    moved, beam = np.empty((6, n)), np.empty(n, np.int64)
     _move(points_of.sample_mm, r, t, stride, moved)
     beams_at(seen_by, moved, beam)
     for j in range(n):
@@ -139,7 +139,7 @@ def _compare(
 def _move(
     samples: FloatArray, r: FloatArray, t: FloatArray, stride: int, moved: FloatArray
 ) -> None:
-    """Move samples into the other view: the first three rows of (4, n), x, y and z."""
+    """Move samples into the other view: the first three rows of moved, x, y and z."""
     for j in range(moved.shape[1]):
         px, py, pz = samples[j * stride, 0], samples[j * stride, 1], samples[j * stride, 2]
         moved[0, j] = r[0, 0] * px + r[0, 1] * py + r[0, 2] * pz + t[0]

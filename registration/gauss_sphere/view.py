@@ -200,13 +200,13 @@ def _slope_table(column_slope: FloatArray) -> tuple[IntArray, float, float]:
 def beams_at(seen: Seen, points: FloatArray, beam: IntArray) -> None:
     """The beam (n,), out, that passes nearest to each point, -1 for none.
 
-    points: (4, n or more) x, y and z in mm, and depth as the profile through the point sees it,
-    out.
+    points: (6, n or more) x, y and z in mm, and out the depth as the profile through the point sees
+    it, and room for where it falls.
     """
     pixel_of, profiles, pixels = seen.pixel_of, seen.profiles, seen.pixels
     first, step, low, scale = seen.first_mm, seen.step_mm, seen.slope_low, seen.cells_per_slope
     apex_y, apex_z, lean_y, lean_z = seen.apex_y_mm, seen.apex_z_mm, seen.lean_y, seen.lean_z
-    row, cell = np.empty(beam.size), np.empty(beam.size)
+    row, cell = points[4], points[5]
     for j in range(beam.size):
         x, z = points[0, j], points[2, j] - lean_z * points[0, j] - apex_z
         points[3, j] = z
