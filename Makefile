@@ -10,10 +10,10 @@ setup: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "$(PYTHON) is Python " \
 	  + sys.version.split()[0] + "; 3.11 or newer is needed, as in: make PYTHON=python3.12 setup")'
-	@echo "Setting up .venv; this takes a minute or two and happens once."
+	@echo "Setting up .venv, once: installing takes a minute or two."
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
-	@echo "Compiling the kernels and building the font cache."
+	@echo "Compiling the kernels takes two to six minutes; then the font cache is built."
 	$(BIN)/python -m registration.warm
 	$(BIN)/python -c 'import matplotlib.font_manager'
 	touch $@

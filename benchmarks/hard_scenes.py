@@ -1,12 +1,13 @@
 """Scenes that repeat themselves, are symmetric or have three directions: what methods make of them.
 
 python benchmarks/hard_scenes.py [--pairs N] [--seed N] [--everyday] [--only KIND ...]
-                                 [--pitch DEG] [--little-noise]
+                                 [--pitch DEG] [--little-noise] [--ablation]
 
 --everyday: book shelves, stairs, pipes and other things that people scan, in their place.
 --pitch: of the sensor, within 10 degrees; 90 looks straight down.
 --little-noise: 0.1 mm of white noise and no other effect of the sensor. So planes are known so well
 that few decide, and those of a box seen from two sides may be taken for each other.
+--ablation: the methods of configs/ablation.yaml, all kinds of scenes together.
 
 Every pair has a scene of its own. A wrong answer is marked "ok" and off by more than 5 degrees or
 30 mm: on a shelf a whole compartment, say. Where no answer is to be had, a method should say so.
@@ -23,11 +24,13 @@ from collections import Counter  # noqa: E402
 from collections.abc import Callable  # noqa: E402
 from dataclasses import dataclass  # noqa: E402
 from pathlib import Path  # noqa: E402
+from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 from everyday_scenes import EVERYDAY, FLOOR, WALL  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
+from harness.choices import chosen_method  # noqa: E402
 from harness.config import load_experiment  # noqa: E402
 from harness.execution import full_spec, scan_view  # noqa: E402
 from harness.random_pairs import build_random_trials  # noqa: E402
@@ -41,7 +44,7 @@ from scenes.solids import Solid, assemble, box, frustum, prism, turned  # noqa: 
 from sensors.noise import SWITCHES  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[1]
-CONFIG = ROOT / "configs" / "random_pairs.yaml"
+CONFIG, ABLATION = (ROOT / "configs" / f"{name}.yaml" for name in ("random_pairs", "ablation"))
 CALIBRATION = str(ROOT / "configs" / "calibration" / "jupiter.json")
 LITTLE_NOISE = {
     **dict.fromkeys(SWITCHES, False), "bulge": "none", "gaussian": True,
@@ -230,6 +233,20 @@ def hard(params: HardParams) -> Scene:
     )
 
 
+def methods_compared(ablation: bool) -> dict[str, Any]:
+    """Parameters of gauss_sphere by the label of a method."""
+    if not ablation:
+        return {
+            "gauss_sphere": GaussSphereParams(calibration=CALIBRATION),
+            "gauss_sphere without calibration": GaussSphereParams(),
+        }
+    choices = load_experiment(ABLATION).methods
+    return {
+        choice.label or choice.name: chosen_method(choice, ("methods", index), ABLATION).params
+        for index, choice in enumerate(choices)
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pairs", type=int, default=30, help="of each kind")
@@ -238,6 +255,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=[*KINDS, *EVERYDAY])
     parser.add_argument("--pitch", type=float, default=25.0, help="of the sensor, in degrees")
     parser.add_argument("--little-noise", action="store_true")
+    parser.add_argument("--ablation", action="store_true", help="with one part off at a time")
     options = parser.parse_args()
     kinds = options.only or list(EVERYDAY if options.everyday else KINDS)
     SCENES["hard"] = SceneEntry(hard, HardParams)
@@ -253,11 +271,9 @@ def main() -> None:
     if options.little_noise:
         overrides.append(f"sensor.params.noise={LITTLE_NOISE}")
     experiment = load_experiment(CONFIG, overrides, options.seed)
-    methods = {
-        "gauss_sphere": GaussSphereParams(calibration=CALIBRATION),
-        "gauss_sphere without calibration": GaussSphereParams(),
-    }
-    counts = {(kind, label): Counter[str]() for kind in kinds for label in methods}
+    methods = methods_compared(options.ablation)
+    groups = ["all"] if options.ablation else kinds
+    counts = {(group, label): Counter[str]() for group in groups for label in methods}
     for trial in build_random_trials(experiment, CONFIG):
         kind = trial.pair.split()[0]
         try:
@@ -267,7 +283,8 @@ def main() -> None:
             continue  # the sensor would stand inside of a solid
         T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
         for label, params in methods.items():
-            result, count = register(target, source, params=params), counts[kind, label]
+            result = register(target, source, params=params)
+            count = counts["all" if options.ablation else kind, label]
             count["pairs"] += 1
             right = False
             if result.T_target_source is not None:
