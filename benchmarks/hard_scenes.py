@@ -20,11 +20,10 @@ from harness.threads import limit_threads
 limit_threads()
 
 import argparse  # noqa: E402
-from collections import Counter  # noqa: E402
+from collections import Counter, defaultdict  # noqa: E402
 from collections.abc import Callable  # noqa: E402
 from dataclasses import dataclass  # noqa: E402
 from pathlib import Path  # noqa: E402
-from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 from everyday_scenes import EVERYDAY, FLOOR, WALL  # noqa: E402
@@ -233,7 +232,7 @@ def hard(params: HardParams) -> Scene:
     )
 
 
-def methods_compared(ablation: bool) -> dict[str, Any]:
+def methods_compared(ablation: bool) -> dict[str, GaussSphereParams]:
     """Parameters of gauss_sphere by the label of a method."""
     if not ablation:
         return {
@@ -272,10 +271,9 @@ def main() -> None:
         overrides.append(f"sensor.params.noise={LITTLE_NOISE}")
     experiment = load_experiment(CONFIG, overrides, options.seed)
     methods = methods_compared(options.ablation)
-    groups = ["all"] if options.ablation else kinds
-    counts = {(group, label): Counter[str]() for group in groups for label in methods}
+    counts = defaultdict[tuple[str, str], Counter[str]](Counter)
     for trial in build_random_trials(experiment, CONFIG):
-        kind = trial.pair.split()[0]
+        group = "all" if options.ablation else trial.pair.split()[0]
         try:
             spec = full_spec(trial)
             target, source = (scan_view(spec, view) for view in (spec.target, spec.source))
@@ -283,8 +281,7 @@ def main() -> None:
             continue  # the sensor would stand inside of a solid
         T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
         for label, params in methods.items():
-            result = register(target, source, params=params)
-            count = counts["all" if options.ablation else kind, label]
+            result, count = register(target, source, params=params), counts[group, label]
             count["pairs"] += 1
             right = False
             if result.T_target_source is not None:

@@ -282,8 +282,11 @@ class DecisionParams:
         parts of one scene reached three planes on 36 %. appeal_planes: that must agree there: two
         are any edge of a box.
     turned_planes: where at most so many agree, the pose is tried turned about the directions of
-        them: three tiers and the floor have seven to nine. turned_denied: by how much a larger
-        share of ends of faces than of the best pose the views may deny.
+        them, and moved along them, and other settled poses are asked: three tiers and the floor
+        have seven to nine. Rivals among these need repeat_share of the score and no more than
+        plain_contradiction, and, moved along more than sure_planes, repeat_planes of them.
+        turned_denied: by how much a larger share of ends of faces than of the best pose the views
+        may deny.
     same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
     rival_share: share of the best score at which another pose makes the answer ambiguous.
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a

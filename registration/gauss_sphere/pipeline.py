@@ -30,7 +30,7 @@ from registration.gauss_sphere.patches import Patches, fit_patches
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.straightening import straightened
-from registration.gauss_sphere.symmetry import turned_rivals
+from registration.gauss_sphere.symmetry import symmetric_rivals
 from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.view import View, view_of
@@ -138,7 +138,7 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
     settled, result = _judged(settled, target, source, bias_mm, params)
     if result.status == "ok":
-        settled, result = _unless_turned(settled, result, target, source, bias_mm, params)
+        settled, result = _unless_symmetric(settled, result, target, source, bias_mm, params)
     best = settled[0]
     if bias_mm > 0.0:
         about = UNFIT if params.calibration else BENT
@@ -182,7 +182,7 @@ def _judged(
     return settled, result
 
 
-def _unless_turned(
+def _unless_symmetric(
     settled: list[Settled],
     answer: RegistrationResult,
     target: View,
@@ -190,12 +190,12 @@ def _unless_turned(
     bias_mm: float,
     params: GaussSphereParams,
 ) -> tuple[list[Settled], RegistrationResult]:
-    """The answer, "ambiguous" if the best pose could as well be turned about one of its few planes.
+    """The answer, "ambiguous" if few planes would have the best pose turned or further along, too.
 
-    Then all poses are ordered anew: a turned one may fit better.
+    Then all poses are ordered anew: another one may fit better.
     """
     decision = params.decision
-    rivals = turned_rivals(settled, target, source, params)
+    rivals = symmetric_rivals(settled, target, source, params)
     alike = different([settled[0], *rivals], source, decision)
     if len(alike) == 1:
         return settled, answer

@@ -8,6 +8,7 @@ share less than a turned one, and none of them contradicts the scans.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,9 +16,8 @@ from registration.gauss_sphere.decision import agreeing_patches, agreeing_planes
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import Ends, as_ends, outlines_of
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
-from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.testimony import ANY_WAY, said, said_of_ends
-from registration.gauss_sphere.turning import Turning, is_nearly_free, turned_poses
+from registration.gauss_sphere.turning import REPEATED_MM, Turning, is_nearly_free, turned_poses
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
     SUPPORT,
@@ -37,7 +37,19 @@ OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of 
 AS_GOOD = 0.98  # of a pose's score: what its planes must reach to have it where they want it
 
 
-def turned_rivals(
+class Found(NamedTuple):
+    """A pose that may be as good as the best one.
+
+    along: (2, 3) the directions in which it is looked for where it is. further_along: whether it is
+    the best pose moved along its planes, without a turn.
+    """
+
+    pose: Settled
+    along: FloatArray
+    further_along: bool
+
+
+def symmetric_rivals(
     settled: list[Settled], target: View, source: View, params: GaussSphereParams
 ) -> list[Settled]:
     """The best pose turned about the normals of its planes, where the scans allow it, best first.
@@ -52,49 +64,68 @@ def turned_rivals(
     agreeing = agreeing_patches(best, target, decision)
     if not 0 < len(agreeing) <= decision.turned_planes:
         return []
-    turned, along = _turned(best, agreeing, target, source, params)
-    for pose in settled[1:]:
-        if pose.score > LIKE_BEST * best.score and is_nearly_free(pose.areas):
-            turned.append(pose)
-            along.append(target.patches.basis[_largest(agreeing[:, 0], target)])
-    if not turned:
+    found = _found(settled, agreeing, target, source, params)
+    if not found:
         return []
     ends = as_ends(outlines_of(target, how)), as_ends(outlines_of(source, how))
     least = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
     confirmed, denied = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
     most_denied = denied / max(confirmed + denied, how.least) + decision.turned_denied
     enough, rivals = _enough_planes(len(agreeing), decision), []
-    for pose in different(turned, source, decision):
-        (axes,) = (axes for one, axes in zip(turned, along, strict=True) if one is pose)
+    for pose, along, further_along in found:
         t = pose.shift_mm.copy()
         confirmed, denied = _placed(
-            target, source, *ends, pose.rotation, t, axes, np.array(OPEN_STEPS_MM), how.off_mm,
+            target, source, *ends, pose.rotation, t, along, np.array(OPEN_STEPS_MM), how.off_mm,
             how.on_mm, how.behind_mm,
         )  # fmt: skip
         placed = _scored(pose._replace(shift_mm=t), target, source, params)
         spoken_for = confirmed >= least and denied <= most_denied * (confirmed + denied)
         if not (spoken_for and _allowed(placed, best, decision)):
             continue
-        rival = _settled(placed, best, target, source, params)
-        unturned = pose.pairs.size == 0 and _is_unturned(pose, best, decision)
-        if not unturned or agreeing_planes(rival, target, decision) >= enough:
+        rival, n_planes = _settled(placed, best, target, source, params)
+        away_mm = np.linalg.norm(placed.shift_mm - best.shift_mm)
+        if not further_along or (n_planes >= enough and away_mm >= REPEATED_MM):
             rivals.append(rival)
     return different(rivals, source, decision)
 
 
-def _enough_planes(agreeing: int, params: DecisionParams) -> float:
+def _enough_planes(n_planes: int, params: DecisionParams) -> float:
     """How many planes must agree on a pose further along, where so many agree on the best one.
 
-    Where these are few, surface and ends of faces say enough: so large planes seldom lie on others.
+    Where these are few, surface and ends of faces say enough. Of many, two large ones may lie on
+    others that look like them: half a chair further, say.
     """
-    few = agreeing <= params.sure_planes
-    return 0.0 if few else max(params.appeal_planes, params.repeat_planes * agreeing)
+    return params.repeat_planes * n_planes if n_planes > params.sure_planes else 0.0
 
 
-def _is_unturned(pose: Settled, best: Settled, params: DecisionParams) -> bool:
-    nowhere = np.zeros(3)
-    turns = pose.rotation, nowhere, best.rotation, nowhere
-    return bool(are_same(*turns, nowhere, params.distinct_rad, np.inf))
+def _found(
+    settled: list[Settled],
+    agreeing: IntArray,
+    target: View,
+    source: View,
+    params: GaussSphereParams,
+) -> list[Found]:
+    """What is asked: settled poses, and the best one turned about its planes or moved along them.
+
+    agreeing: (m, 2) patches of target and source, a pair a plane.
+    """
+    best, decision = settled[0], params.decision
+    along = target.patches.basis[_largest(agreeing[:, 0], target)]
+    others = [
+        Found(pose, along, False)
+        for pose in settled[1:]
+        if pose.score > LIKE_BEST * best.score and is_nearly_free(pose.areas)
+    ]
+    # One further along has to do more: a settled pose must not be lost for it.
+    turned = [
+        one
+        for one in _turned(best, agreeing, target, source, params)
+        if not one.further_along
+        or all(len(different([one.pose, o.pose], source, decision)) == 2 for o in others)
+    ]
+    found = [*turned, *others]
+    unlike = different([one.pose for one in found], source, decision)
+    return [one for pose in unlike for one in found if one.pose is pose]
 
 
 def _largest(patches: IntArray, view: View) -> int:
@@ -118,32 +149,28 @@ def _allowed(pose: Settled, best: Settled, params: DecisionParams) -> bool:
 
 def _settled(
     pose: Settled, best: Settled, target: View, source: View, params: GaussSphereParams
-) -> Settled:
+) -> tuple[Settled, int]:
     """The pose as its planes have it, or as it is where they turn it away or it fits clearly less.
 
-    Two planes that are nearly parallel turn a pose by their noise, and by much.
+    Two planes that are nearly parallel turn a pose by their noise, and by much. With it goes how
+    many planes agree there.
     """
     again = settle_best(
         target, source, pose.rotation[None], pose.shift_mm[None], params, look_again=False
     )
-    if (
-        again
-        and again[0].score >= AS_GOOD * pose.score
-        and _allowed(again[0], best, params.decision)
-        and len(different([pose, again[0]], source, params.decision)) == 1
-    ):
-        return again[0]
-    return pose
+    if not again or len(different([pose, again[0]], source, params.decision)) == 2:
+        return pose, 0
+    good = again[0].score >= AS_GOOD * pose.score and _allowed(again[0], best, params.decision)
+    return again[0] if good else pose, agreeing_planes(again[0], target, params.decision)
 
 
 def _turned(
     best: Settled, agreeing: IntArray, target: View, source: View, params: GaussSphereParams
-) -> tuple[list[Settled], list[FloatArray]]:
-    """The pose turned about its planes, and moved along them, where free space allows it.
+) -> list[Found]:
+    """The pose turned about its planes, or moved along them, where free space allows it.
 
-    agreeing: (m, 2) patches of target and source, a pair a plane. The turned poses are told by
-    score and areas; which planes they match is not looked up. With each go the two directions,
-    (2, 3), along which it was moved.
+    agreeing: (m, 2) patches of target and source, a pair a plane. The poses are told by score and
+    areas; which planes they match is not looked up.
     """
     decision, search = params.decision, params.translation
     needed = decision.repeat_share * best.score
@@ -160,24 +187,21 @@ def _turned(
     )
     how = comparison(params.verification)
     turned = turned_poses(target, source, how, turning, best.rotation, best.shift_mm, agreeing)
-    chosen = [
-        c for c in np.flatnonzero(turned.score > NEARLY * needed) if is_nearly_free(turned.areas[c])
-    ]
-    poses = [
-        Settled(
-            turned.rotation[c],
-            turned.shift_mm[c],
+    found = []
+    for c in np.flatnonzero(turned.score > NEARLY * needed):
+        pose = best._replace(
+            rotation=turned.rotation[c],
+            shift_mm=turned.shift_mm[c],
             information=np.zeros((6, 6)),
             sure=np.zeros((6, 6)),
-            floor_mm=best.floor_mm,
             pairs=best.pairs[:0],
             distance2=best.distance2[:0],
             areas=turned.areas[c],
             score=float(turned.score[c]),
         )
-        for c in chosen
-    ]
-    return poses, [turned.along[c] for c in chosen]
+        if is_nearly_free(pose.areas):
+            found.append(Found(pose, turned.along[c], bool(turned.unturned[c])))
+    return found
 
 
 @compiled

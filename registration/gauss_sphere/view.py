@@ -200,8 +200,8 @@ def _slope_table(column_slope: FloatArray) -> tuple[IntArray, float, float]:
 def beams_at(seen: Seen, points: FloatArray, beam: IntArray) -> None:
     """The beam (n,), out, that passes nearest to each point, -1 for none.
 
-    points: (6, n or more) x, y and z in mm, and out the depth as the profile through the point sees
-    it, and room for where it falls.
+    points: (6, n or more) x, y and z in mm, and, out, the depth as the profile through the point
+    sees it; the last two rows are room to work in, as this is called too often to ask for it.
     """
     pixel_of, profiles, pixels = seen.pixel_of, seen.profiles, seen.pixels
     first, step, low, scale = seen.first_mm, seen.step_mm, seen.slope_low, seen.cells_per_slope
