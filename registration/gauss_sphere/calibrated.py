@@ -178,9 +178,10 @@ def look_up(
 
 @compiled
 def _places(table: EvenTable, depth: FloatArray, apex_z: float, at: FloatArray) -> _Places:
-    # Apart from the values, because this runs on vectors of points.
-    nodes = table.value_mm.shape[1]
+    # Apart from the values, because this runs on vectors of points, if whole numbers stay floats.
+    nodes = float(table.value_mm.shape[1])
     low, high_x, high_y = apex_z - table.first[0], table.value_mm.shape[0] - 1.0, nodes - 1.0
+    last_x, last_y = high_x - 1.0, high_y - 1.0
     n, scale_x, scale_y, first = depth.size, table.per_unit[0], table.per_unit[1], table.first[1]
     xs, ys, node = np.empty(n), np.empty(n), np.empty(n, np.int64)
     for j in range(n):
@@ -189,10 +190,10 @@ def _places(table: EvenTable, depth: FloatArray, apex_z: float, at: FloatArray) 
         y = y if y > 0.0 else 0.0
         x = x if x < high_x else high_x
         y = y if y < high_y else high_y
-        i, k = np.int64(x), np.int64(y)
-        i = i if x < high_x else i - 1
-        k = k if y < high_y else k - 1
-        xs[j], ys[j], node[j] = x - i, y - k, i * nodes + k
+        i, k = np.floor(x), np.floor(y)
+        i = i if i < last_x else last_x
+        k = k if k < last_y else last_y
+        xs[j], ys[j], node[j] = x - i, y - k, np.int32(i * nodes + k)
     return _Places(node, xs, ys)
 
 
