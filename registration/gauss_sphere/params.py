@@ -154,7 +154,8 @@ class VerificationParams:
     free_space_mm: a point so far before all that is measured around it contradicts.
     contradiction_weight: support that a contradiction outweighs.
     rough_tolerance_mm, rough_stride: distance within which a point supports a candidate at first,
-        and the share of samples that is looked at.
+        and the share of samples that is looked at. few_stride: of those that are looked at where
+        most poses are none, as turned ones.
     ranked: candidates that are looked at, of most agreement; kept: that are settled at most.
     worth_settling: share of the best score they need; worth_refining: and then, for the last steps.
     """
@@ -165,6 +166,7 @@ class VerificationParams:
     contradiction_weight: float = 2.0
     rough_tolerance_mm: float = 20.0
     rough_stride: int = 12
+    few_stride: int = 36
     ranked: int = 40
     kept: int = 10
     worth_settling: float = 0.4

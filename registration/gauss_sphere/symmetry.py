@@ -172,7 +172,7 @@ def _turned(
     agreeing: (m, 2) patches of target and source, a pair a plane. The poses are told by score and
     areas; which planes they match is not looked up.
     """
-    decision, search = params.decision, params.translation
+    decision, search, looks = params.decision, params.translation, params.verification
     needed = decision.repeat_share * best.score
     turning = Turning(
         np.deg2rad(TURNS_DEG),
@@ -180,7 +180,7 @@ def _turned(
         math.cos(decision.distinct_rad),
         search.distance_tolerance_mm,
         params.match.tolerances_mm[-1],
-        np.array([params.verification.rough_stride, params.match.strides[0]]),
+        np.array([looks.few_stride, looks.rough_stride, params.match.strides[0]]),
         needed,
         decision.distinct_rad,
         decision.distinct_mm,

@@ -24,7 +24,7 @@ from registration.scan import FloatArray, IntArray
 WIDEST_STEP_MM, LEAST_STEP_MM = 16.0, 2.0
 FINE_MM = 4.0  # steps up to here are judged by more samples
 MOST_ROUNDS = 24  # of steps that a pose is moved by, of all widths together
-FEW, WORTH_LOOKING = 3, 0.3  # support that a third of the samples must tell of, to ask more
+WORTH_LOOKING = 0.3  # support that few samples must tell of, to ask more
 WORTH_MOVING = 0.5  # of the score that a pose needs: with less it is not moved to a better fit
 # Times the score that a pose needs: what faces that may meet under it must offer. They do not meet
 # in whole: for those that became rivals, in some 700 pairs, it was 1.8 and more.
@@ -42,9 +42,9 @@ class Turning(NamedTuple):
     turns_rad: (k,) about each direction of planes.  patches: so many of each view, of the largest
     area, are tried on each other, and so many pairs of them.  cos_alike, apart_mm: how far apart in
     direction and along it they may be.
-    tolerance_mm: distance within which a point lies on the other view's plane.  strides: (2,) of
-    the samples that are looked at, to find the best starts and take wide steps, and to take fine
-    ones.
+    tolerance_mm: distance within which a point lies on the other view's plane.  strides: (3,) of
+    the samples that are looked at, to drop most starts, to find the best ones and take wide steps,
+    and to take fine ones.
     needed: score that a pose needs.  distinct_rad: poses that differ by less are turned alike;
     distinct_mm: those that are not turned at all are one if they are closer.
     """
@@ -180,11 +180,11 @@ def _score_at_start(
     counts: IntArray,
 ) -> float:
     """The score of a pose by some samples, -inf where a few of them speak against moving it."""
-    seen, some, stride = (target.seen, source.seen), np.empty(4), turning.strides[0]
-    compare_both(*seen, how, r, t, turning.tolerance_mm, FEW * stride, counts, some)
+    seen, some = (target.seen, source.seen), np.empty(4)
+    compare_both(*seen, how, r, t, turning.tolerance_mm, turning.strides[0], counts, some)
     if some[SUPPORT] < max(WORTH_LOOKING * turning.needed, some[CONTRADICTION]):
         return -np.inf
-    compare_both(*seen, how, r, t, turning.tolerance_mm, stride, counts, some)
+    compare_both(*seen, how, r, t, turning.tolerance_mm, turning.strides[1], counts, some)
     free = some[CONTRADICTION] <= FAR_OFF * some[SUPPORT]
     return score_of(how, some) if free else -np.inf
 
@@ -212,7 +212,7 @@ def _move_to_fit(
     for _ in range(MOST_ROUNDS):
         if step_mm < LEAST_STEP_MM:
             break
-        wanted = turning.strides[0] if step_mm > FINE_MM else turning.strides[1]
+        wanted = turning.strides[1] if step_mm > FINE_MM else turning.strides[2]
         if wanted != stride:
             stride = wanted
             compare_both(*seen, how, r, t, tolerance_mm, stride, counts, some)

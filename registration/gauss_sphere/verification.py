@@ -82,7 +82,7 @@ def compare_both(
     _compare(target, source, how, r, t, tolerance, stride, counts, areas)
     _compare(source, target, how, back_r, back_t, tolerance, stride, counts.T, areas)
     for u in range(4):
-        areas[u] *= 0.5 * stride
+        areas[u] *= 0.5
 
 
 @compiled
@@ -110,38 +110,39 @@ def _compare(
             )
     n = (sample_area.size + stride - 1) // stride
     moved, beam = np.empty((6, n)), np.empty(n, np.int64)
-    _move(points_of.sample_mm, r, t, stride, moved)
+    _move(points_of.sample_mm, r, t, moved)
     beams_at(seen_by, moved, beam)
+    supported, contradicted, hidden, outside = 0.0, 0.0, 0.0, 0.0
     for j in range(n):
-        area, b = sample_area[j * stride], beam[j]
+        area, b, k = sample_area[j], beam[j], sample_patch[j]
         if b < 0:
-            areas[OUTSIDE] += area
+            outside += area
             continue
-        # All that may be said is looked up, and the strongest word taken: branches cost more.
-        wx, wy, wz, z = moved[0, j], moved[1, j], moved[2, j], moved[3, j]
-        i, k = int(image[b, PATCH]), sample_patch[j * stride]
+        x, y, z, depth, i = moved[0, j], moved[1, j], moved[2, j], moved[3, j], int(image[b, PATCH])
         on = max(i, 0)
-        away = normal[on, 0] * wx + normal[on, 1] * wy + normal[on, 2] * wz - offset[on]
-        cos = (
-            normal[on, 0] * turned[k, 0]
-            + normal[on, 1] * turned[k, 1]
-            + normal[on, 2] * turned[k, 2]
-        )
-        says = HIDDEN if z > image[b, DEPTH] + tolerance else OUTSIDE
-        says = CONTRADICTION if z + how.free_space_mm + tolerance < image[b, NEAREST] else says
-        supports = (i >= 0) & (abs(away) < tolerance) & (cos > how.cos_tolerance)
-        says = SUPPORT if supports else says
-        areas[says] += area
-        counts[on, k] += supports
+        nx, ny, nz = normal[on, 0], normal[on, 1], normal[on, 2]
+        away = nx * x + ny * y + nz * z - offset[on]
+        cos = nx * turned[k, 0] + ny * turned[k, 1] + nz * turned[k, 2]
+        if (i >= 0) & (abs(away) < tolerance) & (cos > how.cos_tolerance):
+            supported += area
+            counts[on, k] += 1
+        elif depth + how.free_space_mm + tolerance < image[b, NEAREST]:
+            contradicted += area
+        elif depth > image[b, DEPTH] + tolerance:
+            hidden += area
+        else:
+            outside += area
+    each_for = sample_area.size / max(n, 1)
+    areas[SUPPORT] += each_for * supported
+    areas[CONTRADICTION] += each_for * contradicted
+    areas[HIDDEN] += each_for * hidden
+    areas[OUTSIDE] += each_for * outside
 
 
 @compiled
-def _move(
-    samples: FloatArray, r: FloatArray, t: FloatArray, stride: int, moved: FloatArray
-) -> None:
-    """Move samples into the other view: the first three rows of moved, x, y and z."""
-    for j in range(moved.shape[1]):
-        px, py, pz = samples[j * stride, 0], samples[j * stride, 1], samples[j * stride, 2]
-        moved[0, j] = r[0, 0] * px + r[0, 1] * py + r[0, 2] * pz + t[0]
-        moved[1, j] = r[1, 0] * px + r[1, 1] * py + r[1, 2] * pz + t[1]
-        moved[2, j] = r[2, 0] * px + r[2, 1] * py + r[2, 2] * pz + t[2]
+def _move(samples: FloatArray, r: FloatArray, t: FloatArray, moved: FloatArray) -> None:
+    """Move the first samples (3, m) into the other view: the first rows of moved, (6, n)."""
+    for u in range(3):
+        rx, ry, rz, shift, out = r[u, 0], r[u, 1], r[u, 2], t[u], moved[u]
+        for j in range(out.size):
+            out[j] = rx * samples[0, j] + ry * samples[1, j] + rz * samples[2, j] + shift

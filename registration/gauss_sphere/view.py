@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from registration.gauss_sphere.beams import Fan, profile_step_mm
-from registration.gauss_sphere.params import VerificationParams
+from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
@@ -31,8 +31,9 @@ class Seen(NamedTuple):
     apex_y_mm, apex_z_mm, lean_y, lean_z: see Fan.
     pixel_of: (cells,) pixel of each cell of slope; slope_low, cells_per_slope: where they lie.
     normal: (m, 3), offset_mm: (m,) of the patches.
-    sample_mm: (n, 3) points on the patches, in random order; sample_patch: (n,) theirs;
-    sample_area: (n,) mm^2 that each stands for.
+    sample_mm: (3, n) points on the patches; sample_patch: (n,) theirs; sample_area: (n,) mm^2 that
+        each stands for. The first one in s of them are spread over the scan, for every stride s
+        that parameters name.
     """
 
     image: NDArray[np.float32]
@@ -57,25 +58,36 @@ class Seen(NamedTuple):
 class View(NamedTuple):
     """A scan ready to be compared.
 
-    fan: its beams; patches: the planes that it shows; seen: what comparisons need of both.
+    fan: its beams; patches: the planes that it shows; seen: what comparisons need of both;
+    seen_mm2: the surface that its samples stand for.
     """
 
     fan: Fan
     patches: Patches
     seen: Seen
+    seen_mm2: float
 
 
-def view_of(fan: Fan, patches: Patches, params: VerificationParams, max_gap_pixels: int) -> View:
-    """Prepare a scan for verification; patches bridge so many beams without a return."""
-    place = _order(min(params.samples, int(patches.n_points.sum())))
-    return _view_of(fan, patches, place, max_gap_pixels)
+def view_of(fan: Fan, patches: Patches, params: GaussSphereParams) -> View:
+    """Prepare a scan for verification."""
+    looks, match = params.verification, params.match
+    n = min(looks.samples, int(patches.n_points.sum()))
+    place = places_of_samples(n, (looks.few_stride, looks.rough_stride, *match.strides))
+    return _view_of(fan, patches, place, params.segments.max_gap_pixels)
 
 
 @lru_cache(maxsize=8)
-def _order(n: int) -> IntArray:
-    """(n,) an order whose every stride is spread over the scan: multiples of the golden ratio."""
+def places_of_samples(n: int, strides: tuple[int, ...]) -> IntArray:
+    """(n,) the place of each of n samples that follow each other through the scan.
+
+    The first ceil(n / s) places are spread over the scan for each of the strides s, as are
+    multiples of the golden ratio. What one stride adds to the next is in the order of the scan, so
+    that those that are looked up one after the other lie side by side.
+    """
     place = np.empty(n, np.int64)
     place[np.argsort(np.arange(n) * GOLDEN_RATIO % 1.0, kind="stable")] = np.arange(n)
+    ends = sorted({-(-n // stride) for stride in strides})
+    place[np.argsort(np.searchsorted(ends, place, side="right"), kind="stable")] = np.arange(n)
     return place
 
 
@@ -83,7 +95,7 @@ def _order(n: int) -> IntArray:
 def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
     pixel_of, slope_low, cells_per_slope = _slope_table(fan.column_slope)
     label, n, n_all = patches.label, place.size, patches.n_points.sum()
-    points, patch, area = np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
+    points, patch, area = np.empty((3, n)), np.empty(n, np.int64), np.empty(n)
     sampled = np.zeros(patches.n_points.size)
     planes, x_mm = planes_in_beams(fan, patches), fan.x_mm
     _, apex_y, apex_z = fan.apex_mm
@@ -98,9 +110,9 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
                 # Where the beam meets its patch: a point's noise would only blur the comparison.
                 x, slope, k = x_mm[p], fan.slope[p, u], place[j]
                 depth = (planes[i, 3] - planes[i, 0] * x) / (planes[i, 1] * slope + planes[i, 2])
-                points[k, 0] = x
-                points[k, 1] = apex_y + lean_y * x + slope * depth
-                points[k, 2] = apex_z + lean_z * x + depth
+                points[0, k] = x
+                points[1, k] = apex_y + lean_y * x + slope * depth
+                points[2, k] = apex_z + lean_z * x + depth
                 patch[k] = i
                 sampled[i] += 1.0
                 j += 1
@@ -127,7 +139,7 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
         patch,
         area,
     )
-    return View(fan, patches, seen)
+    return View(fan, patches, seen, area.sum())
 
 
 @compiled
@@ -203,18 +215,17 @@ def beams_at(seen: Seen, points: FloatArray, beam: IntArray) -> None:
     points: (6, n or more) x, y and z in mm, and, out, the depth as the profile through the point
     sees it; the last two rows are room to work in, as this is called too often to ask for it.
     """
-    pixel_of, profiles, pixels = seen.pixel_of, seen.profiles, seen.pixels
-    first, step, low, scale = seen.first_mm, seen.step_mm, seen.slope_low, seen.cells_per_slope
+    pixel_of, profiles, pixels = seen.pixel_of, float(seen.profiles), seen.pixels
+    first, low, scale, cells = seen.first_mm, seen.slope_low, seen.cells_per_slope, pixel_of.size
+    per_mm = 1.0 / seen.step_mm
     apex_y, apex_z, lean_y, lean_z = seen.apex_y_mm, seen.apex_z_mm, seen.lean_y, seen.lean_z
-    row, cell = points[4], points[5]
+    xs, ys, zs, depth, row, cell = points[0], points[1], points[2], points[3], points[4], points[5]
+    # First where, then what is there: the first loop runs on vectors of points.
     for j in range(beam.size):
-        x, z = points[0, j], points[2, j] - lean_z * points[0, j] - apex_z
-        points[3, j] = z
-        row[j] = np.floor((x - first) / step + 0.5)
-        cell[j] = ((points[1, j] - lean_y * x - apex_y) / z - low) * scale
+        x, z = xs[j], zs[j] - lean_z * xs[j] - apex_z
+        p, c = (x - first) * per_mm + 0.5, ((ys[j] - lean_y * x - apex_y) / z - low) * scale
+        inside = (p >= 0.0) & (p < profiles) & (c >= 0.0) & (c < cells) & (z > 1.0)
+        depth[j], row[j], cell[j] = z, p, c if inside else -1.0
     for j in range(beam.size):
-        inside = (
-            (0.0 <= row[j] < profiles) & (0.0 <= cell[j] < pixel_of.size) & (points[3, j] > 1.0)
-        )
-        pixel = pixel_of[np.int64(cell[j])] if inside else -1
+        pixel = pixel_of[np.int64(cell[j])] if cell[j] >= 0.0 else -1
         beam[j] = np.int64(row[j]) * pixels + pixel if pixel >= 0 else -1
