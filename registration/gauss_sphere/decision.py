@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from registration.gauss_sphere.matching import Settled
-from registration.gauss_sphere.open_directions import uncertainty
+from registration.gauss_sphere.open_directions import NOTHING_OPEN, uncertainty
 from registration.gauss_sphere.params import DecisionParams
 from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT
 from registration.gauss_sphere.view import View
 from registration.kernels import compiled
-from registration.result import Candidate, RegistrationResult
-from registration.scan import IntArray
+from registration.result import Candidate, RegistrationResult, Status
+from registration.scan import FloatArray, IntArray
+
+
+class Verdict(NamedTuple):
+    """What is said of the best of some poses: see RegistrationResult for each."""
+
+    status: Status
+    reason: str = ""
+    stage: str = ""
+    covariance: FloatArray | None = None
+    undetermined: FloatArray = NOTHING_OPEN
 
 
 def judge(
@@ -24,51 +34,36 @@ def judge(
     source: View,
     params: DecisionParams,
     appeal: bool = False,
-) -> RegistrationResult:
-    """Turn the settled poses into an answer that says how sure it is.
+) -> Verdict:
+    """Whether the best of the settled poses is an answer, and how sure it is.
 
     appeal: outlines have been asked, too: each pose that they leave is a rival, on less surface.
     """
     best = ranked[0]
-    candidates = candidates_of(ranked, seen_mm2(target, source))
     against = shortcoming(best, target, source, params)
     if against:
-        return RegistrationResult(
-            None, "failed", against, candidates=candidates, stage="verification"
-        )
+        return Verdict("failed", against, "verification")
     covariance, open_directions, reason = uncertainty(best, best.sure, target, params)
     if open_directions.shape[0]:
-        return RegistrationResult(
-            candidates[0].T_target_source,
-            "underdetermined",
-            reason,
-            undetermined=open_directions,
-            candidates=candidates[1:],
-            stage="scene",
-        )
+        return Verdict("underdetermined", reason, "scene", undetermined=open_directions)
     rivals = [
         p
         for p in ranked[1:]
         if (appeal and p.score > params.repeat_share * best.score)
         or is_rival(p, best, target, params)
     ]
-    answer = RegistrationResult(
-        candidates[0].T_target_source, "ok", covariance=covariance, candidates=candidates[1:]
-    )
-    return questioned(answer, best, rivals) if rivals else answer
+    return questioned(covariance, best, rivals) if rivals else Verdict("ok", covariance=covariance)
 
 
-def questioned(
-    answer: RegistrationResult, best: Settled, rivals: list[Settled]
-) -> RegistrationResult:
+def questioned(covariance: FloatArray | None, best: Settled, rivals: list[Settled]) -> Verdict:
     """What is left of an answer that other poses could be, too, the best of them first."""
-    return replace(
-        answer,
-        status="ambiguous",
-        reason=f"{len(rivals) + 1} poses fit about equally well: the scanned part is symmetric or "
+    return Verdict(
+        "ambiguous",
+        f"{len(rivals) + 1} poses fit about equally well: the scanned part is symmetric or "
         f"repeats itself, or too little is shared; the best of the others scores "
         f"{rivals[0].score / best.score:.0%} of the first",
-        stage="decision",
+        "decision",
+        covariance,
     )
 
 
@@ -121,24 +116,31 @@ def is_weak(best: Settled, target: View, source: View, params: DecisionParams) -
 
 def seen_mm2(target: View, source: View) -> float:
     """Surface that a view sees, in the mean of both."""
-    return float(0.5 * (target.seen.sample_area.sum() + source.seen.sample_area.sum()))
+    return 0.5 * (target.seen_mm2 + source.seen_mm2)
 
 
-def refuted(ranked: list[Settled], target: View, source: View, share: float) -> RegistrationResult:
+def refuted(share: float) -> Verdict:
     """What is left of an answer when outlines of faces deny it, by a share of what they say."""
-    return RegistrationResult(
-        None,
+    return Verdict(
         "failed",
         f"the best pose is denied by {share:.0%} of the outlines of faces that both views tell of: "
         "faces of one view go on, or are missing, where the other saw them end",
-        candidates=candidates_of(ranked, seen_mm2(target, source)),
-        stage="verification",
+        "verification",
     )
 
 
-def candidates_of(ranked: list[Settled], seen_mm2: float) -> tuple[Candidate, ...]:
-    """The poses, scored by the share of the seen surface."""
-    return tuple(map(Candidate, transforms(ranked), (pose.score / seen_mm2 for pose in ranked)))
+def answered(
+    verdict: Verdict, poses: list[Settled], target: View, source: View
+) -> RegistrationResult:
+    """The answer of a verdict on poses, best first, scored by the share of the seen surface."""
+    scores = (pose.score / seen_mm2(target, source) for pose in poses)
+    candidates = tuple(map(Candidate, transforms(poses), scores))
+    others = candidates if verdict.status == "failed" else candidates[1:]
+    return RegistrationResult(
+        None if verdict.status == "failed" else candidates[0].T_target_source,
+        candidates=others,
+        **verdict._asdict(),
+    )
 
 
 def agreeing_planes(pose: Settled, target: View, params: DecisionParams) -> int:

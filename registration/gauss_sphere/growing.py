@@ -14,23 +14,34 @@ from registration.scan import FloatArray, IntArray
 
 def grown(fan: Fan, segments: Segments, params: PatchParams) -> Grouped:
     """The points of the patches that segments grow into over the profiles."""
-    owner, n_patches = grow(fan, segments, params)
-    return grouped(segments, owner, n_patches, fan.depth_mm, params.edge_pixels)
-
-
-def grow(fan: Fan, segments: Segments, params: PatchParams) -> tuple[IntArray, int]:
-    """(n,) the patch of each segment, -1 where it is too small to keep, and their number."""
-    owner = np.empty(segments.profile.size, dtype=np.int64)
-    _grow(
+    return _grown(
+        fan,
         segments,
-        fan.x_mm,
         params.join_gain,
         params.tolerance_sigma,
         params.max_tilt,
         params.bridge_profiles,
-        owner,
+        params.min_points,
+        params.min_profiles,
+        params.edge_pixels,
     )
-    return owner, _keep_large(segments, owner, params.min_points, params.min_profiles)
+
+
+@compiled
+def _grown(
+    fan: Fan,
+    segments: Segments,
+    gain: float,
+    tolerance: float,
+    max_tilt: float,
+    bridge: int,
+    min_points: int,
+    min_profiles: int,
+    edge_pixels: int,
+) -> Grouped:
+    owner = _grow(segments, fan.x_mm, gain, tolerance, max_tilt, bridge)
+    n_patches = _keep_large(segments, owner, min_points, min_profiles)
+    return grouped(segments, owner, n_patches, fan.depth_mm, edge_pixels)
 
 
 @compiled
@@ -84,8 +95,8 @@ def _grow(
     tolerance: float,
     max_tilt: float,
     bridge: int,
-    owner: IntArray,
-) -> None:
+) -> IntArray:
+    """(n,) the segment that stands for the patch of each."""
     profile, low, high = segments.profile, segments.slope_low, segments.slope_high
     sums, count = segments.sums, segments.n_points
     n = profile.size
@@ -129,7 +140,8 @@ def _grow(
                     rss[rj] = together
                     joined = True
     for i in range(n):
-        owner[i] = _root(parent, i)
+        parent[i] = _root(parent, i)
+    return parent
 
 
 @compiled

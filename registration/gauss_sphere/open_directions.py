@@ -8,7 +8,10 @@ from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import DecisionParams
 from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.view import View
-from registration.scan import FloatArray
+from registration.kernels import compiled
+from registration.scan import FloatArray, IntArray
+
+NOTHING_OPEN = np.zeros((0, 6))
 
 
 def uncertainty(
@@ -22,15 +25,13 @@ def uncertainty(
     nearly independent, in units of params.open_rad and params.open_mm; covariance and directions
     are of a perturbation on the left about the target's origin.
     """
-    units, scale = open_units(pose, target, params), _scale(params)
-    values, vectors = np.linalg.eigh(units.T @ known @ units)
-    loose = values < 1.0
-    if not loose.any():
-        deviations = units @ vectors / np.sqrt(values)
-        return deviations @ deviations.T, np.zeros((0, 6)), ""
-    directions = (units @ vectors[:, loose]).T
+    scale = params.open_rad, params.open_mm
+    values, vectors, moved, covariance = _principal(target.patches, pose.pairs, known, *scale)
+    if values[0] >= 1.0:
+        return covariance, NOTHING_OPEN, ""
+    directions = moved[:, values < 1.0].T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    names = [_describe(vectors[:, i], values[i], scale) for i in np.flatnonzero(loose)]
+    names = [_describe(vectors[:, i], values[i], *scale) for i in np.flatnonzero(values < 1.0)]
     reason = (
         f"{pose.pairs.shape[0]} matched planes leave {len(names)} of 6 directions open: "
         + "; ".join(names)
@@ -46,21 +47,52 @@ def covariance_of(pose: Settled, target: View, params: DecisionParams) -> FloatA
 def open_units(pose: Settled, target: View, params: DecisionParams) -> FloatArray:
     """(6, 6) perturbations about the target's origin, a column each, that are of one unit of
     params.open_rad or params.open_mm about the middle of the matched surface."""
-    # v = v_centre - w x centre: v_centre is what the perturbation (w, v) moves the centre by.
-    about_origin = np.eye(6)
-    about_origin[3:, :3] = _cross(centre_of(pose, target))
-    return about_origin * _scale(params)
-
-
-def _scale(params: DecisionParams) -> FloatArray:
-    return np.array([params.open_rad] * 3 + [params.open_mm] * 3)
+    return _units(centre_of(pose, target), params.open_rad, params.open_mm)
 
 
 def centre_of(pose: Settled, target: View) -> FloatArray:
     """(3,) middle in mm of the surface that a pose matches, in the target's frame."""
-    weight = target.patches.area_mm2[pose.pairs[:, 0]]
-    centre: FloatArray = weight @ target.patches.centroid_mm[pose.pairs[:, 0]] / weight.sum()
-    return centre
+    return _matched_centre(target.patches, pose.pairs)
+
+
+@compiled
+def _matched_centre(patches: Patches, pairs: IntArray) -> FloatArray:
+    centre, total = np.zeros(3), 0.0
+    for m in range(pairs.shape[0]):
+        i = pairs[m, 0]
+        total += patches.area_mm2[i]
+        for u in range(3):
+            centre[u] += patches.area_mm2[i] * patches.centroid_mm[i, u]
+    return centre / total
+
+
+@compiled
+def _units(centre: FloatArray, open_rad: float, open_mm: float) -> FloatArray:
+    # v = v_centre - w x centre: v_centre is what the perturbation (w, v) moves the centre by.
+    units, (x, y, z) = np.zeros((6, 6)), centre
+    for u in range(3):
+        units[u, u], units[3 + u, 3 + u] = open_rad, open_mm
+    units[3, 1], units[3, 2] = -z * open_rad, y * open_rad
+    units[4, 0], units[4, 2] = z * open_rad, -x * open_rad
+    units[5, 0], units[5, 1] = -y * open_rad, x * open_rad
+    return units
+
+
+@compiled
+def _principal(
+    patches: Patches, pairs: IntArray, known: FloatArray, open_rad: float, open_mm: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """What is known (6, 6) in its principal directions, the least known first.
+
+    Returns their information (6,), the directions (6, 6), a column each, in units of open_rad and
+    open_mm about the middle of the matched surface and as they are about the origin, and the
+    covariance about it.
+    """
+    units = _units(_matched_centre(patches, pairs), open_rad, open_mm)
+    values, vectors = np.linalg.eigh(units.T @ known @ units)
+    moved = units @ vectors
+    deviations = moved / np.sqrt(values)
+    return values, vectors, moved, deviations @ deviations.T
 
 
 def sliding(patches: Patches) -> FloatArray:
@@ -74,17 +106,13 @@ def sliding(patches: Patches) -> FloatArray:
     return rows
 
 
-def _describe(vector: FloatArray, value: float, scale: FloatArray) -> str:
+def _describe(vector: FloatArray, value: float, open_rad: float, open_mm: float) -> str:
     turn, shift = np.linalg.norm(vector[:3]), np.linalg.norm(vector[3:])
     sigma = 1.0 / np.sqrt(max(value, 1e-12))
     kind, part, unit = (
         ("turn about", vector[:3], "degrees") if turn > shift else ("shift along", vector[3:], "mm")
     )
-    size = sigma * (np.rad2deg(scale[0]) if turn > shift else scale[3])
+    size = sigma * (np.rad2deg(open_rad) if turn > shift else open_mm)
     axis = ", ".join(f"{c:.2f}" for c in part / np.linalg.norm(part))
     known = f"known to {size:.0f} {unit}" if sigma < 100.0 else "unknown"
     return f"{kind} ({axis}) {known}"
-
-
-def _cross(v: FloatArray) -> FloatArray:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -12,13 +12,12 @@ from registration.gauss_sphere.beams import Fan, fan_of
 from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import (
-    candidates_of,
+    Verdict,
+    answered,
     is_weak,
     judge,
     questioned,
     refuted,
-    seen_mm2,
-    transforms,
 )
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import grown
@@ -68,7 +67,7 @@ def describe(scan: Scan, params: GaussSphereParams) -> View:
     Raises CalibrationError or OSError where params name a calibration that cannot be read.
     """
     fan, patches = planes(fan_of(scan), read_known(params.calibration), params)
-    return view_of(fan, patches, params.verification, params.segments.max_gap_pixels)
+    return view_of(fan, patches, params)
 
 
 def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan, Patches]:
@@ -136,61 +135,53 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     bias_mm = left_bias_mm(target, source, read_known(params.calibration), params.bending)
     if bias_mm > 0.0:
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
-    settled, result = _judged(settled, target, source, bias_mm, params)
-    if result.status == "ok":
-        settled, result = _unless_symmetric(settled, result, target, source, bias_mm, params)
-    best = settled[0]
-    if bias_mm > 0.0:
-        about = UNFIT if params.calibration else BENT
-        result = replace(result, notes=(about.format(bias_mm),))
-    elif result.status == "ok" and params.calibration:
-        best = by_whole_planes(best, target.patches, source.patches, params)
-        covariance = np.linalg.inv(best.sure)
-        (T_target_source,) = transforms([best])
-        result = replace(
-            result,
-            T_target_source=T_target_source,
-            covariance=0.5 * (covariance + covariance.T),
-        )
+    settled, verdict = _judged(settled, target, source, bias_mm, params)
+    if verdict.status == "ok":
+        settled, verdict = _unless_symmetric(settled, verdict, target, source, bias_mm, params)
+    if bias_mm == 0.0 and verdict.status == "ok" and params.calibration:
+        settled[0] = by_whole_planes(settled[0], target.patches, source.patches, params)
+        covariance = np.linalg.inv(settled[0].sure)
+        verdict = verdict._replace(covariance=0.5 * (covariance + covariance.T))
+    result, best = answered(verdict, settled, target, source), settled[0]
+    about = UNFIT if params.calibration else BENT
+    notes = (about.format(bias_mm),) if bias_mm > 0.0 else ()
     planes = PlaneEvidence(target, source, best.pairs, best.distance2, params)
     stage_ms = {
         "rotation": 1e3 * (turned - started),
         "translation": 1e3 * shifting,
         "verification": 1e3 * (perf_counter() - turned - shifting),
     }
-    return replace(result, stage_ms=stage_ms, evidence={"planes": planes})
+    return replace(result, stage_ms=stage_ms, evidence={"planes": planes}, notes=notes)
 
 
 def _judged(
     settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
-) -> tuple[list[Settled], RegistrationResult]:
+) -> tuple[list[Settled], Verdict]:
     """Judge poses by planes, and by outlines where planes leave doubt or ends of faces raise it."""
-    result, best = judge(settled, target, source, params.decision), settled[0]
+    verdict, best = judge(settled, target, source, params.decision), settled[0]
     pose, how, denied = (best.rotation, best.shift_mm, target, source), params.outlines, 0.0
-    if result.status == "ok" and not is_doubtful(*pose, how):
-        return settled, result
+    if verdict.status == "ok" and not is_doubtful(*pose, how):
+        return settled, verdict
     outlines = outlines_of(target, how), outlines_of(source, how)
-    if result.status == "ok":
+    if verdict.status == "ok":
         denied = denied_share(*pose, outlines, how)
         if denied <= how.refuted_share:
-            return settled, result
+            return settled, verdict
     left = appealed(settled, target, source, outlines, bias_mm, params)
     if left:
         return left, judge(left, target, source, params.decision, appeal=True)
-    if result.status == "ok":
-        result = refuted(settled, target, source, denied)
-    return settled, result
+    return settled, refuted(denied) if verdict.status == "ok" else verdict
 
 
 def _unless_symmetric(
     settled: list[Settled],
-    answer: RegistrationResult,
+    verdict: Verdict,
     target: View,
     source: View,
     bias_mm: float,
     params: GaussSphereParams,
-) -> tuple[list[Settled], RegistrationResult]:
-    """The answer, "ambiguous" if few planes would have the best pose turned or further along, too.
+) -> tuple[list[Settled], Verdict]:
+    """The verdict, "ambiguous" if few planes would have the best pose turned or further along, too.
 
     Then all poses are ordered anew: another one may fit better.
     """
@@ -198,18 +189,12 @@ def _unless_symmetric(
     rivals = symmetric_rivals(settled, target, source, params)
     alike = different([settled[0], *rivals], source, decision)
     if len(alike) == 1:
-        return settled, answer
+        return settled, verdict
     poses = different([*alike, *settled[1:]], source, decision)
     if bias_mm > 0.0 and poses[0] is not settled[0] and poses[0].pairs.size:
         poses[0] = doubted(poses[0], target.patches, source.patches, bias_mm, params)
-    first, *others = candidates_of(poses, seen_mm2(target, source))
-    answer = replace(
-        answer,
-        T_target_source=first.T_target_source,
-        covariance=covariance_of(poses[0], target, decision),
-        candidates=tuple(others),
-    )
-    return poses, questioned(answer, alike[0], alike[1:])
+    covariance = covariance_of(poses[0], target, decision)
+    return poses, questioned(covariance, alike[0], alike[1:])
 
 
 def _marks(target: View, source: View) -> tuple[str, ...]:

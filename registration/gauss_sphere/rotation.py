@@ -69,15 +69,38 @@ def rotation_candidates(
     Returns (c, 3, 3) rotations R with n_target = R n_source, and (c,) the area in mm^2 whose
     directions then agree, best first; candidates closer together than params.distinct_rad are one.
     """
-    few, overlap = params.directions, float(np.cos(params.overlap_tolerance_rad))
+    return _best_rotations(
+        target,
+        source,
+        params.directions,
+        params.least_angle_rad,
+        params.angle_tolerance_rad,
+        params.capacity,
+        math.cos(params.overlap_tolerance_rad),
+        2.0 * math.cos(params.distinct_rad) + 1.0,
+        params.kept,
+    )
+
+
+@compiled
+def _best_rotations(
+    target: GaussSphere,
+    source: GaussSphere,
+    few: int,
+    least_angle: float,
+    tolerance: float,
+    capacity: int,
+    cos_overlap: float,
+    least_trace: float,
+    most: int,
+) -> tuple[FloatArray, FloatArray]:
     a, b = target.direction[:few], source.direction[:few]
-    rotations = np.empty((params.capacity, 3, 3))
-    n = _candidates(a, b, params.least_angle_rad, params.angle_tolerance_rad, rotations)
-    scores = _overlaps(a, target.weight[:few], b, source.weight[:few], rotations[:n], overlap)
-    order = np.argsort(-scores, kind="stable")
-    kept = np.empty(params.kept, dtype=np.int64)
-    k = _distinct(rotations, order, 2.0 * np.cos(params.distinct_rad) + 1.0, kept)
-    return rotations[kept[:k]], scores[kept[:k]]
+    rotations, kept = np.empty((capacity, 3, 3)), np.empty(most, np.int64)
+    n = _candidates(a, b, least_angle, tolerance, rotations)
+    scores = _overlaps(a, target.weight[:few], b, source.weight[:few], rotations[:n], cos_overlap)
+    best_first = np.argsort(-scores, kind="mergesort")
+    kept = kept[: _distinct(rotations, best_first, least_trace, kept)]
+    return rotations[kept], scores[kept]
 
 
 @compiled

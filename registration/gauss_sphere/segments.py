@@ -34,28 +34,13 @@ class Segments(NamedTuple):
 
 def find_segments(fan: Fan, params: SegmentParams) -> Segments:
     """Cut every profile into the straight pieces that its noise can tell apart."""
-    n_profiles, n_pixels = fan.depth_mm.shape
-    capacity = n_profiles * (n_pixels // params.min_points + 1)
-    table = np.empty((capacity, 4), dtype=np.int64)
-    numbers = np.empty((capacity, 8))
-    n = _segment_profiles(
+    return _segment_profiles(
         fan,
         params.cliff_mm,
         params.max_gap_pixels,
         params.min_points,
         params.split_gain,
         params.tolerance_sigma,
-        table,
-        numbers,
-    )
-    return Segments(
-        profile=table[:n, 0].copy(),
-        first=table[:n, 1].copy(),
-        last=table[:n, 2].copy(),
-        n_points=table[:n, 3].copy(),
-        slope_low=numbers[:n, 6].copy(),
-        slope_high=numbers[:n, 7].copy(),
-        sums=numbers[:n, :6].copy(),
     )
 
 
@@ -206,10 +191,11 @@ def _segment_profiles(
     least: int,
     split_gain: float,
     tolerance: float,
-    table: IntArray,
-    numbers: FloatArray,
-) -> int:
+) -> Segments:
     n_profiles, n_pixels = fan.depth_mm.shape
+    capacity = n_profiles * (n_pixels // least + 1)
+    profile, first, last, n_points = np.empty((4, capacity), np.int64)
+    low, high, of_points = np.empty(capacity), np.empty(capacity), np.empty((capacity, 6))
     index, cuts = np.empty(n_pixels, np.int64), np.empty(n_pixels + 2, np.int64)
     sums, best_of = np.zeros((n_pixels + 1, 6)), np.empty((n_pixels + 2, 2), np.int64)
     stack = np.empty((2 * n_pixels + 4, 2), np.int64)
@@ -233,15 +219,15 @@ def _segment_profiles(
                 a, b = cuts[c], cuts[c + 1]
                 if b - a < least:
                     continue
-                table[found, 0] = p
-                table[found, 1] = index[a]
-                table[found, 2] = index[b - 1]
-                table[found, 3] = b - a
+                profile[found], n_points[found] = p, b - a
+                first[found], last[found] = index[a], index[b - 1]
                 for i in range(6):
-                    numbers[found, i] = sums[b, i] - sums[a, i]
+                    of_points[found, i] = sums[b, i] - sums[a, i]
                 s_a, s_b = slope[index[a]], slope[index[b - 1]]
-                numbers[found, 6] = min(s_a, s_b)
-                numbers[found, 7] = max(s_a, s_b)
+                low[found], high[found] = min(s_a, s_b), max(s_a, s_b)
                 found += 1
             start = end
-    return found
+    return Segments(
+        profile[:found], first[:found], last[:found], n_points[:found], low[:found], high[:found],
+        of_points[:found],
+    )  # fmt: skip

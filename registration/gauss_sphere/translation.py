@@ -27,13 +27,19 @@ def pose_candidates(
     """
     # Few rotations, as of scenes along three axes, leave the more shifts to tell apart.
     kept = max(params.kept_per_rotation, params.kept // max(rotations.shape[0], 1))
-    capacity = rotations.shape[0] * kept
+    return _best_shifts(target, source, rotations, search_of(params, kept))
+
+
+@compiled
+def _best_shifts(
+    target: Patches, source: Patches, rotations: FloatArray, search: Search
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    capacity = rotations.shape[0] * search.kept_per_rotation
     out_r, out_t = np.empty((capacity, 3, 3)), np.empty((capacity, 3))
     out_score = np.empty(capacity)
-    search = search_of(params, kept)
     found = _shifts(target, source, rotations, search, out_r, out_t, out_score)
-    order = np.argsort(-out_score[:found], kind="stable")
-    return out_r[order], out_t[order], out_score[order]
+    best_first = np.argsort(-out_score[:found], kind="mergesort")
+    return out_r[best_first], out_t[best_first], out_score[best_first]
 
 
 @compiled
