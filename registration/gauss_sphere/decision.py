@@ -133,14 +133,12 @@ def answered(
     verdict: Verdict, poses: list[Settled], target: View, source: View
 ) -> RegistrationResult:
     """The answer of a verdict on poses, best first, scored by the share of the seen surface."""
-    scores = (pose.score / seen_mm2(target, source) for pose in poses)
-    candidates = tuple(map(Candidate, transforms(poses), scores))
-    others = candidates if verdict.status == "failed" else candidates[1:]
-    return RegistrationResult(
-        None if verdict.status == "failed" else candidates[0].T_target_source,
-        candidates=others,
-        **verdict._asdict(),
-    )
+    seen = seen_mm2(target, source)
+    candidates = tuple(map(Candidate, transforms(poses), (pose.score / seen for pose in poses)))
+    if verdict.status == "failed":
+        return RegistrationResult(None, candidates=candidates, **verdict._asdict())
+    first, *others = candidates
+    return RegistrationResult(first.T_target_source, candidates=tuple(others), **verdict._asdict())
 
 
 def agreeing_planes(pose: Settled, target: View, params: DecisionParams) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from registration.gauss_sphere.holding import middle_of_pairs
 from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import DecisionParams
 from registration.gauss_sphere.patches import Patches
@@ -27,11 +28,12 @@ def uncertainty(
     """
     scale = params.open_rad, params.open_mm
     values, vectors, moved, covariance = _principal(target.patches, pose.pairs, known, *scale)
-    if values[0] >= 1.0:
+    loose = values < 1.0
+    if not loose.any():
         return covariance, NOTHING_OPEN, ""
-    directions = moved[:, values < 1.0].T
+    directions = moved[:, loose].T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    names = [_describe(vectors[:, i], values[i], *scale) for i in np.flatnonzero(values < 1.0)]
+    names = [_describe(vectors[:, i], values[i], *scale) for i in np.flatnonzero(loose)]
     reason = (
         f"{pose.pairs.shape[0]} matched planes leave {len(names)} of 6 directions open: "
         + "; ".join(names)
@@ -52,18 +54,7 @@ def open_units(pose: Settled, target: View, params: DecisionParams) -> FloatArra
 
 def centre_of(pose: Settled, target: View) -> FloatArray:
     """(3,) middle in mm of the surface that a pose matches, in the target's frame."""
-    return _matched_centre(target.patches, pose.pairs)
-
-
-@compiled
-def _matched_centre(patches: Patches, pairs: IntArray) -> FloatArray:
-    centre, total = np.zeros(3), 0.0
-    for m in range(pairs.shape[0]):
-        i = pairs[m, 0]
-        total += patches.area_mm2[i]
-        for u in range(3):
-            centre[u] += patches.area_mm2[i] * patches.centroid_mm[i, u]
-    return centre / total
+    return middle_of_pairs(target.patches, pose.pairs)
 
 
 @compiled
@@ -86,9 +77,9 @@ def _principal(
 
     Returns their information (6,), the directions (6, 6), a column each, in units of open_rad and
     open_mm about the middle of the matched surface and as they are about the origin, and the
-    covariance about it.
+    covariance about it, of no meaning where one of them is not known.
     """
-    units = _units(_matched_centre(patches, pairs), open_rad, open_mm)
+    units = _units(middle_of_pairs(patches, pairs), open_rad, open_mm)
     values, vectors = np.linalg.eigh(units.T @ known @ units)
     moved = units @ vectors
     deviations = moved / np.sqrt(values)

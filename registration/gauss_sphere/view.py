@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from registration.gauss_sphere.beams import Fan, profile_step_mm
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
+from registration.gauss_sphere.points import GOLDEN_RATIO
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
 DEPTH, NEAREST, PATCH = range(3)  # columns of what a view saw
-GOLDEN_RATIO = 0.6180339887498949
 CELLS_PER_PIXEL = 8
 
 
