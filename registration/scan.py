@@ -126,6 +126,6 @@ def _direction(travel: ArrayLike) -> FloatArray:
 
 def _float_array(values: ArrayLike, name: str) -> FloatArray:
     try:
-        return np.array(values, dtype=np.float64)
+        return np.array(values, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise ScanError(f"{name} is not an array of numbers: {error}") from None

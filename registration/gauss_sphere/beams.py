@@ -46,22 +46,34 @@ class Fan(NamedTuple):
 
 def fan_of(scan: Scan) -> Fan:
     """Describe a scan by its beams; the apex is estimated when the scan does not carry it."""
-    apex_mm = estimate_apex(scan) if scan.apex_mm is None else scan.apex_mm
-    shape = scan.points_mm.shape[:2]
+    # Arrays of one kind for every scan, an unpickled one, too: loops are compiled for each kind.
+    points_mm = scan.points_mm.view()
+    points_mm.setflags(write=False)
+    apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
+    lean = scan.travel[1:] / scan.travel[0]
+    return _fan(points_mm, scan.origins_mm, apex_mm, lean)
+
+
+@compiled
+def _fan(points: FloatArray, origins: FloatArray, apex_mm: FloatArray, lean: FloatArray) -> Fan:
+    """The fan of a scan whose apex (3,) is NaN where it is to be estimated."""
+    unknown = np.isnan(apex_mm).any()
+    if unknown:
+        apex_mm = _apex(points, origins)
+    shape = points.shape[:2]
     fan = Fan(
-        x_mm=apex_mm[0] + scan.origins_mm[:, 0],
-        apex_mm=np.array(apex_mm),
+        x_mm=apex_mm[0] + origins[:, 0],
+        apex_mm=apex_mm,
         slope=np.empty(shape),
         depth_mm=np.empty(shape),
         sigma_mm=np.empty(shape),
         column_slope=np.empty(shape[1]),
-        lean=scan.travel[1:] / scan.travel[0],
+        lean=lean,
     )
-    if _take_beams(scan.points_mm, fan) and scan.apex_mm is None:
+    if _take_beams(points, fan) and unknown:
         fan.apex_mm[:] = 0.0, 0.0, -PARALLEL_APEX_MM
-        _take_beams(scan.points_mm, fan)
-    constant, square = depth_noise(fan.depth_mm, fan.slope)
-    _take_noise(fan, constant, square)
+        _take_beams(points, fan)
+    _take_noise(fan, *depth_noise(fan.depth_mm, fan.slope))
     return fan
 
 
@@ -118,18 +130,14 @@ def _take_noise(fan: Fan, constant: float, square: float) -> None:
             fan.sigma_mm[p, u] = max(sigma, MIN_SIGMA_MM)
 
 
-def estimate_apex(scan: Scan) -> FloatArray:
+@compiled
+def _apex(points: FloatArray, origins: FloatArray) -> FloatArray:
     """Find where the beams meet from points whose noise lies along their beam.
 
     A pixel's points satisfy y = apex_y + s (z - apex_z) in all profiles; the intercepts of these
     lines over their slopes give the apex. Scans too flat to tell get nearly parallel beams.
     """
-    stride = max(scan.points_mm.shape[0] // APEX_PROFILES, 1)
-    return _apex(scan.points_mm, scan.origins_mm, stride)
-
-
-@compiled
-def _apex(points: FloatArray, origins: FloatArray, stride: int) -> FloatArray:
+    stride = max(points.shape[0] // APEX_PROFILES, 1)
     pixels = _pixel_lines(points, origins, stride)
     parallel = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
     n = pixels.n.size

@@ -178,7 +178,8 @@ def look_up(
 
 @compiled
 def _places(table: EvenTable, depth: FloatArray, apex_z: float, at: FloatArray) -> _Places:
-    # Apart from the values, because this runs on vectors of points, if whole numbers stay floats.
+    # Apart from the values, because this runs on vectors of points, if whole numbers stay floats,
+    # and become integers of 32 bits, which a vector of floats can be made.
     nodes = float(table.value_mm.shape[1])
     low, high_x, high_y = apex_z - table.first[0], table.value_mm.shape[0] - 1.0, nodes - 1.0
     last_x, last_y = high_x - 1.0, high_y - 1.0

@@ -69,7 +69,7 @@ def questioned(covariance: FloatArray | None, best: Settled, rivals: list[Settle
 
 def shortcoming(best: Settled, target: View, source: View, params: DecisionParams) -> str:
     """Why a pose is no answer, whatever the others are: too little for it, or too much against."""
-    share = best.areas[SUPPORT] / seen_mm2(target, source)
+    share = best.areas[SUPPORT] / mean_seen_mm2(target, source)
     against = best.areas[CONTRADICTION] / max(best.areas[SUPPORT], 1e-9)
     if share < params.least_support:
         return (
@@ -104,17 +104,17 @@ def is_thin(pose: Settled, target: View, source: View, params: DecisionParams) -
     """
     if agreeing_planes(pose, target, params) < params.appeal_planes:
         return True
-    share = pose.areas[SUPPORT] / seen_mm2(target, source)
+    share = pose.areas[SUPPORT] / mean_seen_mm2(target, source)
     return bool(share < params.appeal_support and not has_sure_planes(pose, target, params))
 
 
 def is_weak(best: Settled, target: View, source: View, params: DecisionParams) -> bool:
     """Whether a pose is no answer, or one on so little surface that there may be better ones."""
-    share = best.areas[SUPPORT] / seen_mm2(target, source)
+    share = best.areas[SUPPORT] / mean_seen_mm2(target, source)
     return bool(share < params.weak_support or shortcoming(best, target, source, params))
 
 
-def seen_mm2(target: View, source: View) -> float:
+def mean_seen_mm2(target: View, source: View) -> float:
     """Surface that a view sees, in the mean of both."""
     return 0.5 * (target.seen_mm2 + source.seen_mm2)
 
@@ -133,7 +133,7 @@ def answered(
     verdict: Verdict, poses: list[Settled], target: View, source: View
 ) -> RegistrationResult:
     """The answer of a verdict on poses, best first, scored by the share of the seen surface."""
-    seen = seen_mm2(target, source)
+    seen = mean_seen_mm2(target, source)
     candidates = tuple(map(Candidate, transforms(poses), (pose.score / seen for pose in poses)))
     if verdict.status == "failed":
         return RegistrationResult(None, candidates=candidates, **verdict._asdict())

@@ -14,6 +14,7 @@ MIN_TRIPLES_PER_BIN = 50
 MIN_SIGMA_MM = 0.02
 
 
+@compiled
 def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:
     """Estimate the noise of the depths from their neighbours along the profile.
 
@@ -21,14 +22,9 @@ def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:
     spread in bins of depth, from profiles spread over the scan, is fitted by
     sigma = a + b depth^2, both not negative. Returns (a in mm, b in 1/mm).
     """
-    return _depth_noise(depth_mm, slope)
-
-
-@compiled
-def _depth_noise(depth: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    depths, sigmas = _noise_by_depth(depth, slope)
+    depths, sigmas = _noise_by_depth(depth_mm, slope)
     if depths.size == 0:  # as where only every second beam returns
-        depths, sigmas = _noise_by_depth(*_closed_up(depth, slope))
+        depths, sigmas = _noise_by_depth(*_closed_up(depth_mm, slope))
     return _growing_noise(depths, sigmas) if depths.size else (MIN_SIGMA_MM, 0.0)
 
 

@@ -83,7 +83,8 @@ def _principal(
     values, vectors = np.linalg.eigh(units.T @ known @ units)
     moved = units @ vectors
     deviations = moved / np.sqrt(values)
-    return values, vectors, moved, deviations @ deviations.T
+    covariance = deviations @ deviations.T
+    return values, vectors, moved, 0.5 * (covariance + covariance.T)
 
 
 def sliding(patches: Patches) -> FloatArray:

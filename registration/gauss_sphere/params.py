@@ -154,8 +154,8 @@ class VerificationParams:
     free_space_mm: a point so far before all that is measured around it contradicts.
     contradiction_weight: support that a contradiction outweighs.
     rough_tolerance_mm, rough_stride: distance within which a point supports a candidate at first,
-        and the share of samples that is looked at. few_stride: of those that are looked at where
-        most poses are none, as turned ones.
+        and the share of samples that is looked at. few_stride: the share that is looked at first
+        where most poses come to nothing, as turned ones.
     ranked: candidates that are looked at, of most agreement; kept: that are settled at most.
     worth_settling: share of the best score they need; worth_refining: and then, for the last steps.
     """
@@ -347,3 +347,9 @@ class GaussSphereParams:
     bending: BendingParams = field(default_factory=BendingParams)
     outlines: OutlineParams = field(default_factory=OutlineParams)
     whole_planes: WholePlaneParams = field(default_factory=WholePlaneParams)
+
+    @property
+    def strides(self) -> tuple[int, ...]:
+        """All shares of the samples that comparisons look at: they are spread over the scan."""
+        looks = self.verification
+        return looks.few_stride, looks.rough_stride, *self.match.strides

@@ -86,7 +86,7 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
     result = _registered(target, source, params)
     notes = () if params.calibration else (UNCALIBRATED,)
     far = () if result.status == "ok" else _marks(target, source)
-    return replace(result, notes=(*notes, *result.notes, *far))
+    return replace(result, notes=(*notes, *result.notes, *far)) if notes or far else result
 
 
 def _registered(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:

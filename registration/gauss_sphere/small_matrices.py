@@ -1,4 +1,4 @@
-"""Linear algebra of three by three that compiled loops call without allocating."""
+"""Linear algebra of a few by a few that compiled loops call."""
 
 from __future__ import annotations
 
@@ -39,6 +39,25 @@ def invert_symmetric3(a: FloatArray, out: FloatArray) -> None:
     out[0, 0], out[1, 1], out[2, 2] = c00 / det, c11 / det, c22 / det
     out[0, 1], out[0, 2], out[1, 2] = c01 / det, c02 / det, c12 / det
     out[1, 0], out[2, 0], out[2, 1] = out[0, 1], out[0, 2], out[1, 2]
+
+
+@compiled
+def is_positive_definite(a: FloatArray) -> bool:
+    """Whether a symmetric matrix (n, n), of which the lower half is read, is positive definite."""
+    n = a.shape[0]
+    lower = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            total = a[i, j]
+            for k in range(j):
+                total -= lower[i, k] * lower[j, k]
+            if i > j:
+                lower[i, j] = total / lower[j, j]
+            elif total > 0.0:
+                lower[i, i] = np.sqrt(total)
+            else:
+                return False
+    return True
 
 
 @compiled

@@ -26,6 +26,7 @@ LEAST = 4  # points that have a plane and tell of its noise
 SCALE_SAMPLE = 500  # points that tell the noise of a scan from that of the calibration
 
 
+@compiled
 def straightened(fan: Fan, points: Grouped, known: Known, turns: int) -> Fan:
     """A fan without the bias, and with the noise that goes with the inclination.
 
@@ -33,23 +34,10 @@ def straightened(fan: Fan, points: Grouped, known: Known, turns: int) -> Fan:
     points. The calibration knows the noise of its target's material: it is scaled to what the
     scan shows. Points of no patch keep the noise that the scan shows at their depth.
     """
-    depth_mm, sigma_mm = fan.depth_mm.copy(), fan.sigma_mm.copy()
+    depth, sigma, apex_z = fan.depth_mm.copy(), fan.sigma_mm.copy(), fan.apex_mm[2]
     if known.lateral:
-        take_lateral_bias(depth_mm.reshape(-1), fan.slope.reshape(-1), fan.apex_mm[2], known)
-    _straighten(fan, points, known, turns, depth_mm, sigma_mm)
-    return fan._replace(depth_mm=depth_mm, sigma_mm=sigma_mm)
-
-
-@compiled
-def _straighten(
-    fan: Fan,
-    points: Grouped,
-    known: Known,
-    turns: int,
-    depth: FloatArray,
-    sigma: FloatArray,
-) -> None:
-    start, end, place, apex_z = points.start, points.end, points.place, fan.apex_mm[2]
+        take_lateral_bias(depth.reshape(-1), fan.slope.reshape(-1), apex_z, known)
+    start, end, place = points.start, points.end, points.place
     planes = np.empty((start.size, 4))
     for i in range(start.size):
         if end[i] - start[i] >= LEAST:
@@ -73,6 +61,15 @@ def _straighten(
             for j in range(n):
                 k = place[first + j]
                 depths[k], sigmas[k] = measured[j] - bias[j], foretold[j] * scale
+    return Fan(
+        x_mm=fan.x_mm,
+        apex_mm=fan.apex_mm,
+        slope=fan.slope,
+        depth_mm=depth,
+        sigma_mm=sigma,
+        column_slope=fan.column_slope,
+        lean=fan.lean,
+    )
 
 
 @compiled

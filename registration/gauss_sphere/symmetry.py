@@ -30,7 +30,7 @@ from registration.scan import FloatArray, IntArray
 
 SIDES_OF_PRISMS = (2, 3, 4, 5, 6, 8)  # that look the same a turn of 360 degrees / sides further
 # With no turn as well: where equal things stand in a row, all is the same a period further.
-TURNS_DEG = np.unique([360.0 * k / n for n in SIDES_OF_PRISMS for k in range(n)])
+TURNS_RAD = np.deg2rad(np.unique([360.0 * k / n for n in SIDES_OF_PRISMS for k in range(n)]))
 NEARLY = 0.8  # of the score it needs, what it must have before it is placed
 LIKE_BEST = 0.6  # of the best score: other settled poses are asked from there on
 OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
@@ -175,7 +175,7 @@ def _turned(
     decision, search, looks = params.decision, params.translation, params.verification
     needed = decision.repeat_share * best.score
     turning = Turning(
-        np.deg2rad(TURNS_DEG),
+        TURNS_RAD,
         search.patches,
         math.cos(decision.distinct_rad),
         search.distance_tolerance_mm,
@@ -225,19 +225,25 @@ def _placed(
     """
     any_way, trial, how = np.zeros(3), np.empty(3), (off_mm, on_mm, behind_mm)
     words = said_of_ends(r, t, target, source, of_target, of_source, any_way, *how)
+    in_vain = np.empty((2, 2), np.bool_)  # ways that lead to no better place from here
     for step_mm in steps_mm:
+        in_vain[:] = False
         for _ in range(3):
-            better = False
             for axis in range(2):
-                for step in (-step_mm, step_mm):
+                for way in range(2):
+                    if in_vain[axis, way]:
+                        continue
                     for u in range(3):
-                        trial[u] = t[u] + step * along[axis, u]
+                        trial[u] = t[u] + (2 * way - 1) * step_mm * along[axis, u]
                     there = said_of_ends(
                         r, trial, target, source, of_target, of_source, any_way, *how
                     )
+                    in_vain[axis, way] = True
                     if there[0] - there[1] > words[0] - words[1]:
-                        words, better = there, True
+                        words = there
                         t[:] = trial
-            if not better:
+                        in_vain[:] = False
+                        in_vain[axis, 1 - way] = True  # back to where it was
+            if in_vain.all():
                 break
     return words

@@ -24,7 +24,7 @@ from registration.scan import FloatArray, IntArray
 WIDEST_STEP_MM, LEAST_STEP_MM = 16.0, 2.0
 FINE_MM = 4.0  # steps up to here are judged by more samples
 MOST_ROUNDS = 24  # of steps that a pose is moved by, of all widths together
-WORTH_LOOKING = 0.3  # support that few samples must tell of, to ask more
+WORTH_LOOKING = 0.3  # of the score that a pose needs: support of few samples, to ask more
 WORTH_MOVING = 0.5  # of the score that a pose needs: with less it is not moved to a better fit
 # Times the score that a pose needs: what faces that may meet under it must offer. They do not meet
 # in whole: for those that became rivals, in some 700 pairs, it was 1.8 and more.
@@ -209,6 +209,7 @@ def _move_to_fit(
     seen, some, trial = (target.seen, source.seen), np.empty(4), np.empty(3)
     tolerance_mm, stride = turning.tolerance_mm, 0
     best, step_mm = 0.0, WIDEST_STEP_MM
+    in_vain = np.empty((2, 2), np.bool_)  # ways that lead to no better place from here
     for _ in range(MOST_ROUNDS):
         if step_mm < LEAST_STEP_MM:
             break
@@ -217,15 +218,21 @@ def _move_to_fit(
             stride = wanted
             compare_both(*seen, how, r, t, tolerance_mm, stride, counts, some)
             best = score_of(how, some)
-        better = False
+            in_vain[:] = False
         for axis in range(2):
-            for step in (-step_mm, step_mm):
+            for way in range(2):
+                if in_vain[axis, way]:
+                    continue
                 for u in range(3):
-                    trial[u] = t[u] + step * along[axis, u]
+                    trial[u] = t[u] + (2 * way - 1) * step_mm * along[axis, u]
                 compare_both(*seen, how, r, trial, tolerance_mm, stride, counts, some)
                 score = score_of(how, some)
+                in_vain[axis, way] = True
                 if score > best:
-                    best, better = score, True
+                    best = score
                     t[:] = trial
-        if not better:
+                    in_vain[:] = False
+                    in_vain[axis, 1 - way] = True  # back to where it was
+        if in_vain.all():
             step_mm *= 0.5
+            in_vain[:] = False

@@ -132,6 +132,7 @@ def _compare(
             hidden += area
         else:
             outside += area
+    # What was looked at stands for all, the last of a stride that is not whole, too.
     each_for = sample_area.size / max(n, 1)
     areas[SUPPORT] += each_for * supported
     areas[CONTRADICTION] += each_for * contradicted

@@ -70,9 +70,8 @@ class View(NamedTuple):
 
 def view_of(fan: Fan, patches: Patches, params: GaussSphereParams) -> View:
     """Prepare a scan for verification."""
-    looks, match = params.verification, params.match
-    n = min(looks.samples, int(patches.n_points.sum()))
-    place = places_of_samples(n, (looks.few_stride, looks.rough_stride, *match.strides))
+    n = min(params.verification.samples, int(patches.n_points.sum()))
+    place = places_of_samples(n, params.strides)
     return _view_of(fan, patches, place, params.segments.max_gap_pixels)
 
 

@@ -24,7 +24,7 @@ from registration.gauss_sphere.refine import (
     maximise,
     widened,
 )
-from registration.gauss_sphere.small_matrices import invert_symmetric3
+from registration.gauss_sphere.small_matrices import invert_symmetric3, is_positive_definite
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
@@ -55,37 +55,70 @@ def by_whole_planes(
     a large systematic error, and where it would leave its own covariance.
     """
     how = params.whole_planes
-    agreeing = best.distance2 < how.distance2
-    if best.floor_mm > how.most_floor_mm or agreeing.sum() < 3:
+    if best.floor_mm > how.most_floor_mm:
         return best
     joining = Joining(how.floor_share * best.floor_mm, how.distance2, how.loosest_mm, how.rounds)
-    r, t, sure = best.rotation.copy(), best.shift_mm.copy(), best.sure.copy()
-    likely = likelihood(params.refine)
-    _refine(target, source, best.pairs[agreeing], likely, joining, r, t, sure)
-    if _moved2(best, r, t) > how.moved_distance2 or not _surer(sure, best.sure):
+    kept, r, t, sure, distance2 = _by_whole_planes(
+        target,
+        source,
+        best.pairs,
+        best.distance2,
+        likelihood(params.refine),
+        joining,
+        best.floor_mm,
+        how.moved_distance2,
+        best.rotation,
+        best.shift_mm,
+        best.sure,
+    )
+    if not kept:
         return best
-    distance2 = distances2(target, source, best.pairs, likely, best.floor_mm, r, t)
     return best._replace(rotation=r, shift_mm=t, sure=sure, distance2=distance2)
 
 
-def _moved2(best: Settled, r: FloatArray, t: FloatArray) -> float:
-    """Squared distance from the settled pose, in units of its covariance."""
-    turn = r @ best.rotation.T
-    step = np.empty(6)
-    step[:3] = 0.5 * np.array(
-        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    )
-    step[3:] = t - turn @ best.shift_mm
-    return float(step @ best.sure @ step)
+@compiled
+def _by_whole_planes(
+    target: Patches,
+    source: Patches,
+    pairs: IntArray,
+    distance2: FloatArray,
+    likely: Likelihood,
+    joining: Joining,
+    floor_mm: float,
+    most_moved2: float,
+    r: FloatArray,
+    t: FloatArray,
+    sure: FloatArray,
+) -> tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Whether the refined pose is to be kept, and it: r, t, sure and distance2 as of Settled."""
+    new_r, new_t, new_sure = r.copy(), t.copy(), sure.copy()
+    agreeing = np.flatnonzero(distance2 < joining.distance2)
+    if agreeing.size < 3:
+        return False, new_r, new_t, new_sure, distance2
+    _refine(target, source, pairs[agreeing], likely, joining, new_r, new_t, new_sure)
+    if _moved2(r, t, sure, new_r, new_t) > most_moved2 or not _surer(new_sure, sure):
+        return False, new_r, new_t, new_sure, distance2
+    there = distances2(target, source, pairs, likely, floor_mm, new_r, new_t)
+    return True, new_r, new_t, new_sure, there
 
 
+@compiled
+def _moved2(
+    r: FloatArray, t: FloatArray, sure: FloatArray, new_r: FloatArray, new_t: FloatArray
+) -> float:
+    """Squared distance of a new pose from one that is known as well as sure (6, 6) says."""
+    turn, step = new_r @ r.T, np.empty(6)
+    step[0] = 0.5 * (turn[2, 1] - turn[1, 2])
+    step[1] = 0.5 * (turn[0, 2] - turn[2, 0])
+    step[2] = 0.5 * (turn[1, 0] - turn[0, 1])
+    step[3:] = new_t - turn @ t
+    return float(step @ sure @ step)
+
+
+@compiled
 def _surer(sure: FloatArray, before: FloatArray) -> bool:
     """Whether no direction is known clearly worse than before."""
-    try:
-        np.linalg.cholesky(sure - NEARLY * before)
-    except np.linalg.LinAlgError:
-        return False
-    return True
+    return is_positive_definite(sure - NEARLY * before)
 
 
 @compiled

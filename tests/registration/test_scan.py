@@ -50,3 +50,10 @@ def test_what_cannot_be_a_scan_is_refused_in_one_line(arguments: dict, message: 
     with pytest.raises(ScanError, match=message) as caught:
         Scan.from_points(**{"points_mm": np.zeros((2, 3, 3)), "step_mm": 5.0} | arguments)
     assert "\n" not in str(caught.value)
+
+
+def test_points_in_another_order_of_memory_are_kept_row_by_row() -> None:
+    points_mm = np.asfortranarray(np.random.default_rng(0).normal(size=(4, 5, 3)))
+    scan = Scan.from_points(points_mm, 5.0)
+    assert scan.points_mm.flags.c_contiguous
+    np.testing.assert_array_equal(scan.points_mm, points_mm)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import estimate_apex, fan_of
+from registration.gauss_sphere.beams import fan_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.pipeline import describe
 from registration.scan import ScanError
@@ -53,7 +53,7 @@ def test_a_scan_stands_where_the_sensor_was_and_does_not_shear(line: str, direct
     np.testing.assert_allclose(scan.origins_mm, hits.origins_mm, atol=1e-9)
     # Every profile lies in its own laser plane, and its beams meet where the sensor's do.
     np.testing.assert_allclose(scan.in_profiles_mm[scan.valid][:, 0], 0.0, atol=1e-9)
-    np.testing.assert_allclose(estimate_apex(scan), SENSOR.apex_mm, atol=1e-3)
+    np.testing.assert_allclose(fan_of(scan).apex_mm, SENSOR.apex_mm, atol=1e-3)
 
 
 @pytest.mark.parametrize("method", ["gauss_sphere", "thesis"])

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from plane_scans import APEX_BEHIND_MM, plates_from, random_clutter, scan_plates
 
 from registration import Scan
-from registration.gauss_sphere.beams import estimate_apex, fan_of
+from registration.gauss_sphere import beams
+from registration.gauss_sphere.beams import fan_of
 from registration.gauss_sphere.calibrated import NOTHING_KNOWN
 from registration.gauss_sphere.depth_noise import depth_noise
 from registration.gauss_sphere.growing import grown
@@ -34,14 +37,25 @@ def patches_of(scan: Scan):
 def test_the_apex_is_found_where_the_beams_meet() -> None:
     rng = np.random.default_rng(0)
     scan = scan_plates(random_clutter(rng), noise=1.0, rng=rng)
-    np.testing.assert_allclose(estimate_apex(scan), [0.0, 0.0, -APEX_BEHIND_MM], atol=1e-6)
+    np.testing.assert_allclose(fan_of(scan).apex_mm, [0.0, 0.0, -APEX_BEHIND_MM], atol=1e-6)
+
+
+def test_the_loops_are_compiled_once_for_scans_of_any_origin() -> None:
+    rng = np.random.default_rng(0)
+    scan = scan_plates(random_clutter(rng), noise=1.0, rng=rng)
+    fan_of(scan)
+    kinds = len(beams._fan.signatures)
+    fan_of(pickle.loads(pickle.dumps(scan)))
+    fan_of(Scan.from_points(np.asfortranarray(scan.points_mm), 5.0, apex_mm=(0, 0, -60)))
+    fan_of(Scan.from_points(scan.points_mm[::2, ::2].astype(np.float32), 5.0, travel=(1, 0, 0.1)))
+    assert len(beams._fan.signatures) == kinds
 
 
 def test_marks_of_no_return_absurdly_far_away_leave_the_apex() -> None:
     rng = np.random.default_rng(0)
     points_mm = scan_plates(random_clutter(rng), noise=1.0, rng=rng).points_mm.copy()
     points_mm[1, ::7] = 1e200
-    apex_mm = estimate_apex(Scan.from_points(points_mm, 5.0))
+    apex_mm = fan_of(Scan.from_points(points_mm, 5.0)).apex_mm
     np.testing.assert_allclose(apex_mm, [0.0, 0.0, -APEX_BEHIND_MM], atol=1e-6)
 
 
@@ -58,7 +72,7 @@ def test_no_point_lies_behind_the_apex_that_is_found() -> None:
 
 def test_a_scan_without_relief_gets_nearly_parallel_beams() -> None:
     scan = scan_plates(plates((0.0, 0.0, -1.0), half_mm=300.0))
-    assert estimate_apex(scan)[2] < -1e4
+    assert fan_of(scan).apex_mm[2] < -1e4
 
 
 @pytest.mark.parametrize("noise", [0.3, 1.0, 2.0])

@@ -1,4 +1,4 @@
-"""The samples of a view: those of every stride are spread over the scan, and follow its order."""
+"""The samples of a view: those of every stride are spread over the scan, and stand for it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from plane_scans import random_clutter, scan_plates
 
+from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.pipeline import describe
+from registration.gauss_sphere.verification import compare_both, comparison
 from registration.gauss_sphere.view import places_of_samples
 
-STRIDES = (36, 12, 4, 1)
+STRIDES = tuple(sorted({*GaussSphereParams().strides}, reverse=True))
 
 
 @pytest.mark.parametrize("n", [1, 7, 40, 500, 1500])
@@ -31,3 +35,21 @@ def test_what_a_stride_adds_is_in_the_order_of_the_scan() -> None:
     ends = [0, *(-(-n // stride) for stride in STRIDES)]
     for first, last in pairwise(ends):
         assert (np.diff(along[first:last]) > 0).all()
+
+
+def test_few_samples_are_no_more_than_some() -> None:
+    looks = GaussSphereParams().verification
+    assert looks.few_stride >= looks.rough_stride
+
+
+@pytest.mark.parametrize(("stride", "within"), [(1, 1e-9), (4, 0.1), (7, 0.3), (36, 0.5)])
+def test_samples_of_any_stride_stand_for_the_seen_surface(stride: int, within: float) -> None:
+    rng, params = np.random.default_rng(3), GaussSphereParams()
+    a, b = (
+        describe(scan_plates(random_clutter(rng), noise=1.0, rng=rng), params) for _ in range(2)
+    )
+    counts = np.empty((a.patches.n_points.size, b.patches.n_points.size), np.int64)
+    areas = np.empty(4)
+    how = comparison(params.verification)
+    compare_both(a.seen, b.seen, how, np.eye(3), np.zeros(3), 5.0, stride, counts, areas)
+    assert areas.sum() == pytest.approx(0.5 * (a.seen_mm2 + b.seen_mm2), rel=within)
