@@ -107,8 +107,9 @@ def settle_all(
         np.empty(capacity),
     )
     counts = np.zeros((n_a, n_b), np.int64)
+    none = int(np.int64(0))  # with a plain 0 all would be compiled for that literal, too
     n = _settle_more(
-        target, source, how, likely, floors, effort, counts, found, 0, rotations, shifts
+        target, source, how, likely, floors, effort, counts, found, none, rotations, shifts
     )
     if n > 0 and again.kept_per_rotation > 0:
         best = found.rotation[np.argmax(found.score[:n])]

@@ -29,7 +29,8 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 LEAST_COSINE = 0.98
-DOUBT, NEARLY = 2.0, 0.5
+DOUBT = 2.0
+NEARLY = 0.5  # of what was known: no direction may be known less well than that
 BARELY = 1e-6  # of what was known before: enough to invert what leaves a direction open
 
 
@@ -55,51 +56,18 @@ def by_whole_planes(
     a large systematic error, and where it would leave its own covariance.
     """
     how = params.whole_planes
-    if best.floor_mm > how.most_floor_mm:
+    agreeing = best.distance2 < how.distance2
+    if best.floor_mm > how.most_floor_mm or agreeing.sum() < 3:
         return best
     joining = Joining(how.floor_share * best.floor_mm, how.distance2, how.loosest_mm, how.rounds)
-    kept, r, t, sure, distance2 = _by_whole_planes(
-        target,
-        source,
-        best.pairs,
-        best.distance2,
-        likelihood(params.refine),
-        joining,
-        best.floor_mm,
-        how.moved_distance2,
-        best.rotation,
-        best.shift_mm,
-        best.sure,
-    )
-    if not kept:
+    r, t, sure = best.rotation.copy(), best.shift_mm.copy(), best.sure.copy()
+    likely = likelihood(params.refine)
+    _refine(target, source, best.pairs[agreeing], likely, joining, r, t, sure)
+    moved2 = _moved2(best.rotation, best.shift_mm, best.sure, r, t)
+    if moved2 > how.moved_distance2 or not is_positive_definite(sure - NEARLY * best.sure):
         return best
+    distance2 = distances2(target, source, best.pairs, likely, best.floor_mm, r, t)
     return best._replace(rotation=r, shift_mm=t, sure=sure, distance2=distance2)
-
-
-@compiled
-def _by_whole_planes(
-    target: Patches,
-    source: Patches,
-    pairs: IntArray,
-    distance2: FloatArray,
-    likely: Likelihood,
-    joining: Joining,
-    floor_mm: float,
-    most_moved2: float,
-    r: FloatArray,
-    t: FloatArray,
-    sure: FloatArray,
-) -> tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Whether the refined pose is to be kept, and it: r, t, sure and distance2 as of Settled."""
-    new_r, new_t, new_sure = r.copy(), t.copy(), sure.copy()
-    agreeing = np.flatnonzero(distance2 < joining.distance2)
-    if agreeing.size < 3:
-        return False, new_r, new_t, new_sure, distance2
-    _refine(target, source, pairs[agreeing], likely, joining, new_r, new_t, new_sure)
-    if _moved2(r, t, sure, new_r, new_t) > most_moved2 or not _surer(new_sure, sure):
-        return False, new_r, new_t, new_sure, distance2
-    there = distances2(target, source, pairs, likely, floor_mm, new_r, new_t)
-    return True, new_r, new_t, new_sure, there
 
 
 @compiled
@@ -116,9 +84,11 @@ def _moved2(
 
 
 @compiled
-def _surer(sure: FloatArray, before: FloatArray) -> bool:
-    """Whether no direction is known clearly worse than before."""
-    return is_positive_definite(sure - NEARLY * before)
+def _compare(
+    a: Patches, i: int, b: Patches, k: int, r: FloatArray, t: FloatArray, out: Difference
+) -> float:
+    """As compare, without floors; called and not inlined, which takes longer to compile."""
+    return compare(a, i, b, k, r, t, 0.0, 0.0, out)
 
 
 @compiled
@@ -138,11 +108,12 @@ def put_together(patches: Patches, lever_mm: float, joining: Joining) -> tuple[P
     whole, whole_of = _copy(pieces), np.empty(m, np.int64)
     unturned, unmoved = np.eye(3), np.zeros(3)
     difference = no_difference()
+    none = int(np.int64(-1))  # with a plain -1 all would be compiled for that literal, too
     n = 0
     for j in range(m):
-        best, nearest2 = -1, joining.distance2
+        best, nearest2 = none, joining.distance2
         for g in range(n):
-            cosine = compare(pieces, j, whole, g, unturned, unmoved, 0.0, 0.0, difference)
+            cosine = _compare(pieces, j, whole, g, unturned, unmoved, difference)
             if cosine < LEAST_COSINE or difference.spread[2, 2] > joining.loosest_mm**2:
                 continue
             d2 = squared_distance(difference)
@@ -157,7 +128,7 @@ def put_together(patches: Patches, lever_mm: float, joining: Joining) -> tuple[P
             whole.covariance[best] = pieces.covariance[j]
             whole.area_mm2[best] = pieces.area_mm2[j]
         else:
-            compare(whole, best, pieces, j, unturned, unmoved, 0.0, 0.0, difference)
+            _compare(whole, best, pieces, j, unturned, unmoved, difference)
             _add(whole, best, pieces.area_mm2[j], difference)
         whole_of[j] = best
     return _first(whole, n), whole_of
@@ -250,7 +221,7 @@ def _refine(
             for k in range(n_b):
                 if used_a[i] or used_b[k]:
                     continue
-                cosine = compare(whole_a, i, whole_b, k, r, t, 0.0, 0.0, difference)
+                cosine = _compare(whole_a, i, whole_b, k, r, t, difference)
                 if cosine < LEAST_COSINE:
                     continue
                 jacobian = difference.jacobian
