@@ -6,13 +6,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from registration.calibration import Calibration, Table
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.methods import METHODS, PROFILE_METHODS, register
 from registration.peers import PEERS
 from registration.scan import Scan
-from registration.thesis.params import RotationParams, ThesisParams
+from registration.thesis.params import IcpParams, RotationParams, ThesisParams
 from registration.thesis.view_params import PatchParams, SegmentParams
 
 
@@ -33,6 +34,20 @@ def sliding_scan(profiles: int = 40, pixels: int = 96) -> Scan:
     return Scan.from_points(np.stack([x, y * z / 900.0, z], axis=2), step_mm=5.0)
 
 
+def box_scan(profiles: int = 32, pixels: int = 64) -> Scan:
+    """A box on a floor, which turned half around fits nearly as well."""
+    x, y = np.meshgrid(
+        5.0 * np.arange(profiles) - 80.0, np.linspace(-120.0, 120.0, pixels), indexing="ij"
+    )
+    axes = Rotation.from_euler("xy", [30.0, 20.0], degrees=True).as_matrix()  # of the box, columns
+    beam, start = axes[2], np.stack([x, y, np.zeros_like(x)], axis=2) @ axes
+    reach = np.sign(beam) * [70.0, 50.0, 40.0]
+    enters, leaves = (-reach - start) / beam, (reach - start) / beam
+    on_box = enters.max(axis=2) < leaves.min(axis=2)
+    z = 600.0 + np.where(on_box, enters.max(axis=2), leaves[..., 2])
+    return Scan.from_points(np.stack([x, y, z], axis=2), step_mm=5.0)
+
+
 def no_bias() -> Calibration:
     """A calibration that changes nothing, so that what takes a bias out has something to do."""
     nodes = np.array([0.0, 1500.0])
@@ -44,7 +59,8 @@ def no_bias() -> Calibration:
 if __name__ == "__main__":
     for name in METHODS.keys() - PEERS.keys():
         register(corner_scan(), corner_scan(), method=name)
-    register(sliding_scan(), sliding_scan(), method="gauss_sphere")
+    for scan in (sliding_scan(), box_scan()):
+        register(scan, scan, method="gauss_sphere")
     with TemporaryDirectory() as folder:
         path = Path(folder) / "calibration.json"
         no_bias().write(path)
@@ -54,6 +70,7 @@ if __name__ == "__main__":
         segments=SegmentParams(order="longest_first"),
         patches=PatchParams(shape="irregular", transitions=True),
         rotation=RotationParams(distance_tolerance_mm=40.0),
+        icp=IcpParams(rounds=1),
     )
     register(corner_scan(), corner_scan(), method="thesis", params=proposals)
     for name in PROFILE_METHODS:
