@@ -35,13 +35,17 @@ def telling(function: Callable) -> Callable:
 
 def with_named(names: set[Name]) -> set[Name]:
     """These kernels, those that they name, and so on."""
-    words = {word for name in names for word in made[name].__code__.co_names}
-    more = names | {name for name in made if name[0] in words}
+    more = set(names)
+    for function in map(made.__getitem__, names):
+        # As it is known there: kernels of two modules may have the same name.
+        there = [function.__globals__.get(word) for word in function.__code__.co_names]
+        known = ((getattr(it, "__name__", ""), getattr(it, "__module__", "")) for it in there)
+        more |= made.keys() & set(known)
     return names if more == names else with_named(more)
 
 
 if __name__ == "__main__":
-    kernels.compiled = kernels.inlined = telling  # type: ignore[assignment]
+    vars(kernels).update(compiled=telling, inlined=telling)
     for module in [name for name in sys.modules if name.startswith("registration.")]:
         if module != kernels.__name__:
             del sys.modules[module]

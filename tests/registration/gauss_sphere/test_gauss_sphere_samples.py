@@ -42,7 +42,9 @@ def test_few_samples_are_no_more_than_some() -> None:
     assert looks.few_stride >= looks.rough_stride
 
 
-@pytest.mark.parametrize(("stride", "within"), [(1, 1e-9), (4, 0.1), (7, 0.3), (36, 0.5)])
+@pytest.mark.parametrize(
+    ("stride", "within"), [(1, 1e-9), (4, 0.1), (7, 0.3), (36, 0.5), (5000, 1.0)]
+)
 def test_samples_of_any_stride_stand_for_the_seen_surface(stride: int, within: float) -> None:
     rng, params = np.random.default_rng(3), GaussSphereParams()
     a, b = (
