@@ -27,7 +27,7 @@ class Settled(NamedTuple):
         planes that agree; sure: (6, 6) the same with all their disagreement taken into account.
     floor_mm: systematic error of a plane's offset under which the matched planes agree.
     pairs: (m, 2) target and source patch; distance2: (m,) their squared Mahalanobis distances.
-    areas: (4,) mm^2 of support, contradiction, hidden, outside.
+    areas: (2,) mm^2 of support and contradiction.
     score: support less weighted contradiction, mm^2.
     """
 

@@ -103,7 +103,7 @@ def settle_all(
         np.empty(capacity, np.int64),
         np.empty((capacity, n_a * n_b, 2), np.int64),
         np.empty((capacity, n_a * n_b)),
-        np.empty((capacity, 4)),
+        np.empty((capacity, 2)),
         np.empty(capacity),
     )
     counts = np.zeros((n_a, n_b), np.int64)
@@ -151,7 +151,7 @@ def _settle_more(
     """Settle candidates that may rival each other and the n poses found; how many they are then."""
     new = np.empty(shifts.shape[0], np.int64)
     score = np.empty(new.size)
-    ranked, areas = 0, np.empty(4)
+    ranked, areas = 0, np.empty(2)
     for c in range(new.size):
         if ranked < effort.ranked and not _known(effort, found, n, rotations[c], shifts[c]):
             compare_both(

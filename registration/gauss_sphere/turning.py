@@ -64,7 +64,7 @@ class Turned(NamedTuple):
     """Poses turned about planes, or only moved along them, structure of arrays.
 
     rotation: (n, 3, 3); shift_mm: (n, 3); unturned: (n,); along: (n, 2, 3) the directions that each
-    was moved along; areas: (n, 4) and score: (n,) of what the scans say of it, 0 where another one
+    was moved along; areas: (n, 2) and score: (n,) of what the scans say of it, 0 where another one
     that is turned alike (or, of those that are not turned, in the same place), and seemed to fit
     better, did well, and where one that is not turned came near the pose that it started from.
     """
@@ -93,7 +93,7 @@ def turned_poses(
     pair a plane.
     """
     rotations, shifts, turn, plane, start = _starts(target, source, how, turning, r, t, agreeing)
-    areas, score, nowhere = np.zeros((start.size, 4)), np.zeros(start.size), np.zeros(3)
+    areas, score, nowhere = np.zeros((start.size, 2)), np.zeros(start.size), np.zeros(3)
     seen, along, unturned = (target.seen, source.seen), target.patches.basis[plane], turn == 0.0
     counts = np.empty((target.patches.n_points.size, source.patches.n_points.size), np.int64)
     for c in np.argsort(-start, kind="mergesort"):
@@ -116,7 +116,7 @@ def turned_poses(
 
 @compiled
 def is_nearly_free(areas: FloatArray) -> bool:
-    """Whether a pose may be where it belongs, but for a few mm: areas (4,) as of compare_both."""
+    """Whether a pose may be where it belongs, but for a few mm: areas (2,) as of compare_both."""
     return bool(areas[CONTRADICTION] <= NEARLY_FREE * areas[SUPPORT])
 
 
@@ -180,7 +180,7 @@ def _score_at_start(
     counts: IntArray,
 ) -> float:
     """The score of a pose by some samples, -inf where a few of them speak against moving it."""
-    seen, some = (target.seen, source.seen), np.empty(4)
+    seen, some = (target.seen, source.seen), np.empty(2)
     compare_both(*seen, how, r, t, turning.tolerance_mm, turning.strides[0], counts, some)
     if some[SUPPORT] < max(WORTH_LOOKING * turning.needed, some[CONTRADICTION]):
         return -np.inf
@@ -206,7 +206,7 @@ def _move_to_fit(
     counts: IntArray,
 ) -> None:
     """Move a pose along two directions (2, 3) to a better score: t (3,) is changed in place."""
-    seen, some, trial = (target.seen, source.seen), np.empty(4), np.empty(3)
+    seen, some, trial = (target.seen, source.seen), np.empty(2), np.empty(3)
     tolerance_mm, stride = turning.tolerance_mm, 0
     best, step_mm = 0.0, WIDEST_STEP_MM
     in_vain = np.empty((2, 2), np.bool_)  # ways that lead to no better place from here

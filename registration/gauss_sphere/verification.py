@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.params import VerificationParams
-from registration.gauss_sphere.view import DEPTH, NEAREST, PATCH, Seen, View, beams_at
+from registration.gauss_sphere.view import NEAREST, PATCH, Seen, View, beams_at
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
-SUPPORT, CONTRADICTION, HIDDEN, OUTSIDE = range(4)
+SUPPORT, CONTRADICTION = range(2)
 
 
 class Comparison(NamedTuple):
@@ -46,10 +46,10 @@ def compared(
 ) -> tuple[FloatArray, float]:
     """What two views say of a pose p_target = r p_source + t, by all their samples.
 
-    Returns (4,) mean area in mm^2, over both views, of support, contradiction, hidden and outside,
-    and the pose's score.
+    Returns (2,) mean area in mm^2, over both views, of support and contradiction, and the pose's
+    score.
     """
-    areas, how = np.empty(4), comparison(params)
+    areas, how = np.empty(2), comparison(params)
     counts = np.empty((target.patches.n_points.size, source.patches.n_points.size), np.int64)
     compare_both(target.seen, source.seen, how, r, t, tolerance_mm, 1, counts, areas)
     return areas, float(score_of(how, areas))
@@ -81,8 +81,8 @@ def compare_both(
     areas[:] = 0.0
     _compare(target, source, how, r, t, tolerance, stride, counts, areas)
     _compare(source, target, how, back_r, back_t, tolerance, stride, counts.T, areas)
-    for u in range(4):
-        areas[u] *= 0.5
+    for said in (SUPPORT, CONTRADICTION):
+        areas[said] *= 0.5
 
 
 @compiled
@@ -112,32 +112,27 @@ def _compare(
     moved, beam = np.empty((6, n)), np.empty(n, np.int64)
     _move(points_of.sample_mm, r, t, moved)
     beams_at(seen_by, moved, beam)
-    supported, contradicted, hidden, outside = 0.0, 0.0, 0.0, 0.0
+    supported, contradicted = 0.0, 0.0
     for j in range(n):
-        area, b, k = sample_area[j], beam[j], sample_patch[j]
+        b = beam[j]
         if b < 0:
-            outside += area
             continue
-        x, y, z, depth, i = moved[0, j], moved[1, j], moved[2, j], moved[3, j], int(image[b, PATCH])
-        on = max(i, 0)
-        nx, ny, nz = normal[on, 0], normal[on, 1], normal[on, 2]
-        away = nx * x + ny * y + nz * z - offset[on]
-        cos = nx * turned[k, 0] + ny * turned[k, 1] + nz * turned[k, 2]
-        if (i >= 0) & (abs(away) < tolerance) & (cos > how.cos_tolerance):
-            supported += area
-            counts[on, k] += 1
-        elif depth + how.free_space_mm + tolerance < image[b, NEAREST]:
-            contradicted += area
-        elif depth > image[b, DEPTH] + tolerance:
-            hidden += area
-        else:
-            outside += area
+        i, k = int(image[b, PATCH]), sample_patch[j]
+        if i >= 0:
+            nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+            away = nx * moved[0, j] + ny * moved[1, j] + nz * moved[2, j] - offset[i]
+            if abs(away) < tolerance:
+                cos = nx * turned[k, 0] + ny * turned[k, 1] + nz * turned[k, 2]
+                if cos > how.cos_tolerance:
+                    supported += sample_area[j]
+                    counts[i, k] += 1
+                    continue
+        if moved[3, j] + how.free_space_mm + tolerance < image[b, NEAREST]:
+            contradicted += sample_area[j]
     # What was looked at stands for all, the last of a stride that is not whole, too.
     each_for = sample_area.size / max(n, 1)
     areas[SUPPORT] += each_for * supported
     areas[CONTRADICTION] += each_for * contradicted
-    areas[HIDDEN] += each_for * hidden
-    areas[OUTSIDE] += each_for * outside
 
 
 @compiled
