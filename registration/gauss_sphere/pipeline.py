@@ -138,10 +138,8 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     settled, verdict = _judged(settled, target, source, bias_mm, params)
     if verdict.status == "ok":
         settled, verdict = _unless_symmetric(settled, verdict, target, source, bias_mm, params)
-    if bias_mm == 0.0 and verdict.status == "ok" and params.calibration:
-        settled[0] = by_whole_planes(settled[0], target.patches, source.patches, params)
-        covariance = np.linalg.inv(settled[0].sure)
-        verdict = verdict._replace(covariance=0.5 * (covariance + covariance.T))
+    if bias_mm == 0.0 and verdict.status == "ok":
+        settled[0], verdict = _whole(settled[0], verdict, target, source, params)
     result, best = answered(verdict, settled, target, source), settled[0]
     about = UNFIT if params.calibration else BENT
     notes = (about.format(bias_mm),) if bias_mm > 0.0 else ()
@@ -195,6 +193,21 @@ def _unless_symmetric(
         poses[0] = doubted(poses[0], target.patches, source.patches, bias_mm, params)
     covariance = covariance_of(poses[0], target, decision)
     return poses, questioned(covariance, alike[0], alike[1:])
+
+
+def _whole(
+    best: Settled, verdict: Verdict, target: View, source: View, params: GaussSphereParams
+) -> tuple[Settled, Verdict]:
+    """The answer by whole planes; no surer than before where no calibration tells the bias.
+
+    Pieces of a plane that it bends do not quite line up: put together they make the pose more exact
+    all the same, and look surer than it is.
+    """
+    whole = by_whole_planes(best, target.patches, source.patches, params)
+    if not params.calibration:
+        return whole._replace(sure=best.sure), verdict
+    covariance = np.linalg.inv(whole.sure)
+    return whole, verdict._replace(covariance=0.5 * (covariance + covariance.T))
 
 
 def _marks(target: View, source: View) -> tuple[str, ...]:

@@ -51,9 +51,8 @@ def by_whole_planes(
     A table seen between the things on it is many pieces, and of a wall one view may see the left
     and the other the right: the pose was settled by pieces that lie on each other. Once it is
     known, pieces of one plane count as one, whether a point of both views lies on them or not.
-    Only for scans whose bias is known: pieces of a plane that it bends do not line up, and would
-    make the pose look surer than it is. The pose stays as it was where its planes agree only under
-    a large systematic error, and where it would leave its own covariance.
+    The pose stays as it was where its planes agree only under a large systematic error, and where
+    it would leave its own covariance.
     """
     how = params.whole_planes
     agreeing = best.distance2 < how.distance2

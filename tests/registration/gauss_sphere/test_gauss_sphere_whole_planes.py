@@ -178,3 +178,15 @@ def test_distances_of_planes_are_of_the_pose_that_is_answered(tmp_path: Path) ->
         )
     ]  # fmt: skip
     assert max(found) < 1e-6
+
+
+def test_without_a_calibration_whole_planes_move_the_pose_and_leave_it_as_sure() -> None:
+    target, source, _ = clutter_pair(1001, 1.0)
+    apart = GaussSphereParams(whole_planes=WholePlaneParams(most_floor_mm=0.0))
+    before, after = (register(target, source, params=p) for p in (apart, GaussSphereParams()))
+    assert before.status == after.status == "ok"
+    np.testing.assert_array_equal(after.covariance, before.covariance)
+    assert before.T_target_source is not None
+    assert after.T_target_source is not None
+    moved = after.T_target_source * before.T_target_source.inv()
+    assert 0.0 < np.linalg.norm(moved.translation) < 3.0
