@@ -4,12 +4,13 @@ python benchmarks/pairs.py [--pairs N] [--turns N] [--profiles N ...] [--methods
     [--all-cores]
 
 Pairs are those of configs/random_pairs.yaml with another seed, so that nothing is tuned on what is
-reported. Methods take turns on each pair, so that a machine whose speed changes is as fast for one
-as for the other; of the two calls of a turn the faster one counts, as the first finds the caches as
-another method left them. Times are the least of the turns on a pair, which is what the method needs
-when nothing else runs, then the median over pairs; ratios to gauss_sphere are of the same turn.
-Peers that are not installed are left out, and told. With --all-cores peers may use every core, as
-they do by default; our methods use one all the same.
+reported. Methods take turns on each pair, another one first in each turn, so that a machine whose
+speed changes is as fast for one as for the other; of the two calls of a turn the faster one counts,
+as the first finds the caches as another method left them. Times are the least of the turns on a
+pair, which is what a method needs when nothing else runs, in the median over pairs. Ratios are
+those within a turn, in the median of the turns on a pair, then the median, least and most over
+pairs. Peers that are not installed are left out, and told. With --all-cores peers may use every
+core, as they do by default; our methods use one all the same.
 """
 
 from __future__ import annotations
@@ -28,7 +29,6 @@ limit_threads()
 import argparse  # noqa: E402
 import time  # noqa: E402
 from dataclasses import replace  # noqa: E402
-from itertools import product  # noqa: E402
 from pathlib import Path  # noqa: E402
 from typing import Any, NamedTuple  # noqa: E402
 
@@ -128,42 +128,50 @@ def measure(
     errors: list[list[PoseError | None]] = [[] for _ in chosen]
     for entry in chosen:
         register(*found[0][:2], entry.method, entry.params)  # whatever is loaded at first
-    for turn, (p, (target, source, T_exact)) in product(range(turns), enumerate(found)):
-        for e, entry in enumerate(chosen):
-            calls_ms = []
-            for _ in range(2):
-                start = time.perf_counter()
-                result = register(target, source, entry.method, entry.params)
-                calls_ms.append(1e3 * (time.perf_counter() - start))
-            times_ms[e, p, turn] = min(calls_ms)
-            if turn == 0:
-                answered = result.status == "ok" and result.T_target_source is not None
-                errors[e].append(pose_error(T_exact, result.T_target_source) if answered else None)
+    for turn in range(turns):
+        for p, (target, source, T_exact) in enumerate(found):
+            for e in np.roll(np.arange(len(chosen)), turn):
+                calls_ms = []
+                for _ in range(2):
+                    start = time.perf_counter()
+                    result = register(target, source, chosen[e].method, chosen[e].params)
+                    calls_ms.append(1e3 * (time.perf_counter() - start))
+                times_ms[e, p, turn] = min(calls_ms)
+                if turn == 0:
+                    sure = result.status == "ok" and result.T_target_source is not None
+                    errors[e].append(pose_error(T_exact, result.T_target_source) if sure else None)
     return times_ms, errors
 
 
 def table(chosen: list[Entry], times_ms: FloatArray, errors: list[list[PoseError | None]]) -> str:
     """A line a method, the fastest first."""
-    least = times_ms.min(axis=2)
-    typical = np.median(least, axis=1)
-    of_peers = [ms for entry, ms in zip(chosen, typical, strict=True) if entry.method in PEERS]
-    labels, rows = [entry.label for entry in chosen], []
-    own = times_ms[labels.index("gauss_sphere")] if "gauss_sphere" in labels else np.nan
-    for e in np.argsort(typical):
-        low, middle, high = np.quantile(times_ms[e] / own, [0.1, 0.5, 0.9])
-        successes = (sum(is_success(error, t) for error in errors[e]) for t in (FINE, COARSE))
+    least_ms = times_ms.min(axis=2)
+    middle_ms = np.median(least_ms, axis=1)
+    labels = [entry.label for entry in chosen]
+    peers = [e for e, entry in enumerate(chosen) if entry.method in PEERS]
+    beside = {"gauss_sphere": labels.index("gauss_sphere")} if "gauss_sphere" in labels else {}
+    if peers:
+        beside["the fastest peer"] = min(peers, key=lambda e: middle_ms[e])
+    rows = []
+    for e in np.argsort(middle_ms):
+        ratios = [_over_pairs(times_ms[e] / times_ms[other]) for other in beside.values()]
         rows.append(
-            [labels[e], typical[e], np.median(times_ms[e]), least[e].max(),
-             min(of_peers, default=np.nan) / typical[e], f"{middle:.1f} ({low:.1f} to {high:.1f})",
-             *successes]
+            [
+                labels[e], middle_ms[e], least_ms[e].max(), *ratios,
+                *(sum(is_success(error, t) for error in errors[e]) for t in (FINE, COARSE)),
+            ]
         )  # fmt: skip
     headers = [
-        "method", "least (ms)", "median (ms)", "slowest pair (ms)",
-        "times as fast as the fastest peer", "times as long as gauss_sphere (10 to 90 %)",
+        "method", "median pair (ms)", "slowest pair (ms)",
+        *(f"times as long as {name} (of pairs)" for name in beside),
         *(f"within {t.rotation_deg:g} deg, {t.translation_mm:g} mm" for t in (FINE, COARSE)),
     ]  # fmt: skip
-    formats = ("", ".1f", ".1f", ".1f", ".2f", "", "d", "d")
-    return tabulate(rows, headers, "github", floatfmt=formats)
+    return tabulate(rows, headers, "github", floatfmt=".1f")
+
+
+def _over_pairs(ratios: FloatArray) -> str:
+    of_pairs = np.median(ratios, axis=1)
+    return f"{np.median(of_pairs):.2f} ({of_pairs.min():.2f} to {of_pairs.max():.2f})"
 
 
 def main() -> None:

@@ -16,7 +16,8 @@ from registration.gauss_sphere.verification import (
     compare_both,
     comparison,
 )
-from registration.gauss_sphere.view import places_of_samples
+from registration.gauss_sphere.view import View, places_of_samples
+from registration.scan import FloatArray
 
 STRIDES = tuple(sorted({*GaussSphereParams().strides}, reverse=True))
 
@@ -47,14 +48,33 @@ def test_few_samples_are_no_more_than_some() -> None:
     assert looks.few_stride >= looks.rough_stride
 
 
+def clutter_view() -> View:
+    rng = np.random.default_rng(3)
+    return describe(scan_plates(random_clutter(rng), noise=1.0, rng=rng), GaussSphereParams())
+
+
+def compare(view: View, shift_mm: FloatArray, stride: int, areas: FloatArray) -> None:
+    """Compare a view with itself, moved; areas (2,) out."""
+    counts = np.empty((view.patches.n_points.size,) * 2, np.int64)
+    how = comparison(GaussSphereParams().verification)
+    compare_both(view.seen, view.seen, how, np.eye(3), shift_mm, 5.0, stride, counts, areas)
+
+
 @pytest.mark.parametrize(
     ("stride", "within"), [(1, 0.05), (4, 0.1), (7, 0.3), (36, 0.5), (5000, 1.0)]
 )
 def test_samples_of_any_stride_stand_for_the_seen_surface(stride: int, within: float) -> None:
-    rng, params = np.random.default_rng(3), GaussSphereParams()
-    view = describe(scan_plates(random_clutter(rng), noise=1.0, rng=rng), params)
-    counts = np.empty((view.patches.n_points.size,) * 2, np.int64)
-    areas, how = np.empty(2), comparison(params.verification)
-    compare_both(view.seen, view.seen, how, np.eye(3), np.zeros(3), 5.0, stride, counts, areas)
+    view, areas = clutter_view(), np.empty(2)
+    compare(view, np.zeros(3), stride, areas)
+    assert areas[SUPPORT] > 0.0
     assert areas[SUPPORT] == pytest.approx(view.seen_mm2, rel=within)
     assert areas[CONTRADICTION] == 0.0
+
+
+@pytest.mark.parametrize("stride", [1, 4, 7])
+def test_a_view_moved_towards_the_sensor_stands_in_free_space(stride: int) -> None:
+    """One way all but edges stand free; the other way round all is hidden, and says nothing."""
+    view, areas, nearer_mm = clutter_view(), np.empty(2), np.array([0.0, 0.0, -60.0])
+    compare(view, nearer_mm, stride, areas)
+    assert areas[SUPPORT] < 0.1 * view.seen_mm2
+    assert 0.35 * view.seen_mm2 < areas[CONTRADICTION] < 0.6 * view.seen_mm2
