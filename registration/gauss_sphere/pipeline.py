@@ -200,14 +200,14 @@ def _whole(
 ) -> tuple[Settled, Verdict]:
     """The answer by whole planes; no surer than before where no calibration tells the bias.
 
-    Pieces of a plane that it bends do not quite line up: put together they make the pose more exact
-    all the same, and look surer than it is.
+    Pieces of a plane that an unknown bias bends do not quite line up: put together they make the
+    pose more exact all the same, and would make it look surer than it is.
     """
     whole = by_whole_planes(best, target.patches, source.patches, params)
-    if not params.calibration:
-        return whole._replace(sure=best.sure), verdict
-    covariance = np.linalg.inv(whole.sure)
-    return whole, verdict._replace(covariance=0.5 * (covariance + covariance.T))
+    if params.calibration:
+        covariance = np.linalg.inv(whole.sure)
+        verdict = verdict._replace(covariance=0.5 * (covariance + covariance.T))
+    return whole, verdict
 
 
 def _marks(target: View, source: View) -> tuple[str, ...]:

@@ -25,8 +25,8 @@ class Seen(NamedTuple):
     Apart from the view, because a call costs as much as the arrays that it hands over.
 
     image: (profiles * pixels, 3) depth in mm, least of the nine depths there, -inf where one is
-        missing, and patch, -1 for none. Side by side and in single precision, because every
-        comparison looks them up all over the view.
+        missing, and patch, -1 for none. Side by side and in single precision, because comparisons
+        look up the last two, and ends of faces the first and the last, all over the view.
     profiles, pixels: how many; first_mm, step_mm: where profiles lie along X.
     apex_y_mm, apex_z_mm, lean_y, lean_z: see Fan.
     pixel_of: (cells,) pixel of each cell of slope; slope_low, cells_per_slope: where they lie.
