@@ -9,7 +9,7 @@ from harness.figures_page import amount, mixed_order, projections, roles
 from harness.figures_planes import normal_colours
 from harness.looks import FRONT, NORMAL_COLOURS, PALE, TOP
 from harness.pair_view import PairView
-from registration.gauss_sphere.evidence import PlaneEvidence
+from registration.gauss_sphere.evidence import PlaneEvidence, patch_of_points
 
 MAX_POINTS = 12000
 
@@ -27,19 +27,20 @@ def draw_labelled_points(pair: PairView, planes: PlaneEvidence, title: str) -> F
         f"{len(NORMAL_COLOURS)} have a colour each, the same in both views. Grey: other planes. "
         "Points on no plane are left out."
     )
-    points = [scan.points_mm for _, _, scan in roles(pair)]
+    scans = [scan for _, _, scan in roles(pair)]
+    points = [scan.points_mm for scan in scans]
     figure, axes = projections(f"{title}\nPlanes", columns, points, note)
-    for column, (view, view_points) in enumerate(zip(views, points, strict=True)):
-        label = view.patches.label
+    for column, (view, scan) in enumerate(zip(views, scans, strict=True)):
+        label = patch_of_points(scan, view).ravel()
         colours = np.array(
             [*normal_colours(view.patches.n_points.size, planes.pairs[:, column]), PALE]
         )
-        on = np.flatnonzero(label.ravel() >= 0)
+        on = np.flatnonzero(label >= 0)
         on = on[mixed_order(on.size)[:MAX_POINTS]]
         for row, projection in enumerate((FRONT, TOP)):
-            shown = view_points.reshape(-1, 3)[on]
+            shown = scan.points_mm.reshape(-1, 3)[on]
             axes[row][column].scatter(
                 shown[:, projection.right], shown[:, projection.up], s=1.6,
-                c=colours[label.ravel()[on]], lw=0, rasterized=True,
+                c=colours[label[on]], lw=0, rasterized=True,
             )  # fmt: skip
     return figure

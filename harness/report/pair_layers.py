@@ -16,8 +16,13 @@ from harness.pair_matches import sorted_matches, spheres_of
 from harness.pair_view import PairView
 from harness.report.nearness import surface_distance
 from harness.report.packing import packed
-from registration.gauss_sphere.evidence import PlaneEvidence, segment_ends, shifts_of_middle
-from registration.gauss_sphere.patches import Patches as Planes
+from registration.gauss_sphere.evidence import (
+    PlaneEvidence,
+    patch_of_points,
+    segment_ends,
+    shifts_of_middle,
+)
+from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray, Scan
 from registration.thesis.evidence import ViewEvidence
 from registration.thesis.gauss_sphere import GaussSphere
@@ -70,7 +75,7 @@ def view_layers(pair: PairView) -> dict[str, Any]:
         return {
             role: {
                 "patches": _hulls(
-                    scan, view.patches, _places(len(view.patches.normal), planes.pairs[:, column])
+                    scan, view, _places(len(view.patches.normal), planes.pairs[:, column])
                 ),
                 "normals": _normals(
                     view.patches.centroid_mm,
@@ -223,10 +228,11 @@ def _corners(patches: Patches, places: Colours) -> dict[str, Any]:
     return {**_polygons(list(patches.corners_mm)), "colour": places.tolist()}
 
 
-def _hulls(scan: Scan, planes: Planes, places: Colours) -> dict[str, Any]:
+def _hulls(scan: Scan, view: View, places: Colours) -> dict[str, Any]:
     """The convex hulls of the points of every plane, laid on it."""
     outlines, colours = [], []
-    points, labels = scan.points_mm.reshape(-1, 3), planes.label.ravel()
+    points, labels = scan.points_mm.reshape(-1, 3), patch_of_points(scan, view).ravel()
+    planes = view.patches
     order = np.argsort(labels, kind="stable")
     starts = np.searchsorted(labels[order], np.arange(len(planes.normal) + 1))
     for index, (first, last) in enumerate(pairwise(starts)):

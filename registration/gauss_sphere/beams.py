@@ -13,15 +13,18 @@ import numpy as np
 
 from registration.gauss_sphere.depth_noise import MIN_SIGMA_MM, depth_noise
 from registration.kernels import compiled
-from registration.scan import FloatArray, Scan
+from registration.scan import BoolArray, FloatArray, Scan
 
 PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
 PARALLEL = 1e-6  # of the largest singular value of the lines' equations, their least
 APEX_PROFILES = 40  # of a longer scan, for the apex
+WIDEST_GAP = 3.0  # of the mean between profiles: a wider one does not tell what lies in it
 
 
 class Fan(NamedTuple):
     """The beams of one view, each in the frame of its own profile.
+
+    Profiles need not be evenly spaced; those between others in which nothing returned are left out.
 
     x_mm: (profiles,) position of each profile; apex_mm: (3,) of the first profile, its x included
         in x_mm.
@@ -46,23 +49,33 @@ class Fan(NamedTuple):
 
 def fan_of(scan: Scan) -> Fan:
     """Describe a scan by its beams; the apex is estimated when the scan does not carry it."""
+    kept = profiles_in_fan(scan)
     # Arrays of one kind for every scan, an unpickled one, too: loops are compiled for each kind.
-    points_mm = scan.points_mm.view()
+    points_mm = scan.points_mm.view() if kept.all() else scan.points_mm[kept]
     points_mm.setflags(write=False)
     apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
     lean = scan.travel[1:] / scan.travel[0]
-    return _fan(points_mm, scan.origins_mm, apex_mm, lean)
+    return _fan(points_mm, scan.step_mm * scan.travel[0], apex_mm, lean)
+
+
+def profiles_in_fan(scan: Scan) -> BoolArray:
+    """(profiles,) False for those of a scan, between others, in which nothing returned."""
+    kept, measured = np.ones(len(scan.points_mm), np.bool_), np.flatnonzero(scan.valid.any(axis=1))
+    if measured.size:
+        kept[measured[0] : measured[-1]] = False
+        kept[measured] = True
+    return kept
 
 
 @compiled
-def _fan(points: FloatArray, origins: FloatArray, apex_mm: FloatArray, lean: FloatArray) -> Fan:
+def _fan(points: FloatArray, step: float, apex_mm: FloatArray, lean: FloatArray) -> Fan:
     """The fan of a scan whose apex (3,) is NaN where it is to be estimated."""
     unknown = np.isnan(apex_mm).any()
     if unknown:
-        apex_mm = _apex(points, origins)
+        apex_mm = _apex(points, lean)
     shape = points.shape[:2]
     fan = Fan(
-        x_mm=apex_mm[0] + origins[:, 0],
+        x_mm=np.full(shape[0], np.nan),
         apex_mm=apex_mm,
         slope=np.empty(shape),
         depth_mm=np.empty(shape),
@@ -73,15 +86,42 @@ def _fan(points: FloatArray, origins: FloatArray, apex_mm: FloatArray, lean: Flo
     if _take_beams(points, fan) and unknown:
         fan.apex_mm[:] = 0.0, 0.0, -PARALLEL_APEX_MM
         _take_beams(points, fan)
+    _place_empty(fan.x_mm, step)
     _take_noise(fan, *depth_noise(fan.depth_mm, fan.slope))
     return fan
 
 
 @compiled
-def profile_step_mm(fan: Fan) -> float:
-    """How far apart along X profiles are, 0 where there is only one."""
+def mean_gap_mm(fan: Fan) -> float:
+    """How far apart along X profiles are on average, 0 where there is only one."""
     last = fan.x_mm.size - 1
-    return float((fan.x_mm[last] - fan.x_mm[0]) / max(last, 1))
+    return float(abs(fan.x_mm[last] - fan.x_mm[0]) / max(last, 1))
+
+
+@compiled
+def usual_gap_mm(fan: Fan) -> float:
+    """The gap in which a place between profiles lies, on average; places in the widest are none."""
+    widest, squares, length = WIDEST_GAP * mean_gap_mm(fan), 0.0, 0.0
+    for p in range(1, fan.x_mm.size):
+        gap = abs(fan.x_mm[p] - fan.x_mm[p - 1])
+        if gap <= widest:
+            squares += gap * gap
+            length += gap
+    return float(squares / length) if length > 0.0 else 0.0
+
+
+@compiled
+def _place_empty(x_mm: FloatArray, step: float) -> None:
+    """Continue the positions of profiles by even steps where they are NaN, at both ends."""
+    known = np.flatnonzero(np.isfinite(x_mm))
+    if known.size == 0:
+        x_mm[:] = step * np.arange(x_mm.size)
+        return
+    first, last = known[0], known[-1]
+    for p in range(first):
+        x_mm[p] = x_mm[first] - (first - p) * step
+    for p in range(last + 1, x_mm.size):
+        x_mm[p] = x_mm[last] + (p - last) * step
 
 
 @compiled
@@ -131,14 +171,14 @@ def _take_noise(fan: Fan, constant: float, square: float) -> None:
 
 
 @compiled
-def _apex(points: FloatArray, origins: FloatArray) -> FloatArray:
+def _apex(points: FloatArray, lean: FloatArray) -> FloatArray:
     """Find where the beams meet from points whose noise lies along their beam.
 
     A pixel's points satisfy y = apex_y + s (z - apex_z) in all profiles; the intercepts of these
     lines over their slopes give the apex. Scans too flat to tell get nearly parallel beams.
     """
     stride = max(points.shape[0] // APEX_PROFILES, 1)
-    pixels = _pixel_lines(points, origins, stride)
+    pixels = _pixel_lines(points, lean, stride)
     parallel = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
     n = pixels.n.size
     slope, intercept, weight = np.empty(n), np.empty(n), np.zeros(n)
@@ -182,7 +222,7 @@ class _PixelLines(NamedTuple):
 
 
 @compiled
-def _pixel_lines(points: FloatArray, origins: FloatArray, stride: int) -> _PixelLines:
+def _pixel_lines(points: FloatArray, lean: FloatArray, stride: int) -> _PixelLines:
     """The lines of all pixels, from every stride-th profile."""
     n_pixels = points.shape[1]
     n, first_y, first_z = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
@@ -190,9 +230,10 @@ def _pixel_lines(points: FloatArray, origins: FloatArray, stride: int) -> _Pixel
     least_z = np.inf
     for p in range(0, points.shape[0], stride):
         for u in range(n_pixels):
-            y, z = points[p, u, 1] - origins[p, 1], points[p, u, 2] - origins[p, 2]
+            x, y, z = points[p, u]
             if not np.isfinite(z):
                 continue
+            y, z = y - lean[0] * x, z - lean[1] * x
             least_z = min(least_z, z)
             if n[u] == 0.0:
                 first_y[u], first_z[u] = y, z

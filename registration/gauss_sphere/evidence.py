@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from registration.gauss_sphere.beams import Fan
+from registration.gauss_sphere.beams import Fan, profiles_in_fan
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.segments import find_segments
 from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.view import View
-from registration.scan import FloatArray, IntArray
+from registration.scan import FloatArray, IndexArray, IntArray, Scan
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,13 @@ class PlaneEvidence:
     pairs: IntArray
     distance2: FloatArray
     params: GaussSphereParams
+
+
+def patch_of_points(scan: Scan, view: View) -> IndexArray:
+    """(profiles, pixels) patch of each point of the scan that a view describes, -1 for none."""
+    patch = np.full(scan.points_mm.shape[:2], -1, np.int32)
+    patch[profiles_in_fan(scan)] = view.patches.label
+    return patch
 
 
 def segment_ends(fan: Fan, params: GaussSphereParams) -> FloatArray:

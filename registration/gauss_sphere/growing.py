@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.gauss_sphere.beams import Fan
+from registration.gauss_sphere.beams import Fan, usual_gap_mm
 from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.points import Grouped, grouped
 from registration.gauss_sphere.segments import Segments
@@ -39,7 +39,8 @@ def _grown(
     min_profiles: int,
     edge_pixels: int,
 ) -> Grouped:
-    owner = _grow(segments, fan.x_mm, gain, tolerance, max_tilt, bridge)
+    reach_mm = (bridge + 0.5) * usual_gap_mm(fan)
+    owner = _grow(segments, fan.x_mm, gain, tolerance, max_tilt, bridge, reach_mm)
     n_patches = _keep_large(segments, owner, min_points, min_profiles)
     return grouped(segments, owner, n_patches, fan.depth_mm, edge_pixels)
 
@@ -95,6 +96,7 @@ def _grow(
     tolerance: float,
     max_tilt: float,
     bridge: int,
+    reach_mm: float,
 ) -> IntArray:
     """(n,) the segment that stands for the patch of each."""
     profile, low, high = segments.profile, segments.slope_low, segments.slope_high
@@ -115,7 +117,7 @@ def _grow(
         p = profile[i]
         joined = False
         for back in range(1, bridge + 1):
-            if p - back < 0 or (joined and back > 1):
+            if p - back < 0 or (joined and back > 1) or abs(x[p] - x[p - back]) > reach_mm:
                 break
             for j in range(first_of[p - back], first_of[p - back + 1]):
                 shared = min(high[i], high[j]) - max(low[i], low[j])

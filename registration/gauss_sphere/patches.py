@@ -27,7 +27,7 @@ class Patches(NamedTuple):
     spread_mm: (m, 2) standard deviation of the points along the basis, which is turned to their
         principal axes.
     n_points: (m,); area_mm2: (m,).
-    label: (profiles, pixels) patch of each point, -1 for none.
+    label: (profiles, pixels) patch of each point, -1 for none; profiles are those of the fan.
     """
 
     normal: FloatArray
@@ -182,7 +182,7 @@ def _about_centroid(
 
 @compiled
 def _beam_area(fan: Fan) -> float:
-    """What a beam stands for in profile spacing times slope: a nearly constant one will do."""
+    """What a beam stands for in profile spacing times slope: the mean of nearly constant ones."""
     low, high = np.inf, -np.inf
     for u in range(fan.column_slope.size):
         low, high = min(low, fan.column_slope[u]), max(high, fan.column_slope[u])

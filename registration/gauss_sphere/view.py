@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from registration.gauss_sphere.beams import Fan, profile_step_mm
+from registration.gauss_sphere.beams import WIDEST_GAP, Fan, mean_gap_mm
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.gauss_sphere.points import GOLDEN_RATIO
@@ -16,7 +16,8 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 
 DEPTH, NEAREST, PATCH = range(3)  # columns of what a view saw
-CELLS_PER_PIXEL = 8
+CELLS_PER_BEAM = 8
+FARTHEST = 2.0  # of the mean gap: what is farther from every profile or pixel was not looked at
 
 
 class Seen(NamedTuple):
@@ -27,9 +28,11 @@ class Seen(NamedTuple):
     image: (profiles * pixels, 3) depth in mm, least of the nine depths there, -inf where one is
         missing, and patch, -1 for none. Side by side and in single precision, because comparisons
         look up the last two, and ends of faces the first and the last, all over the view.
-    profiles, pixels: how many; first_mm, step_mm: where profiles lie along X.
-    apex_y_mm, apex_z_mm, lean_y, lean_z: see Fan.
+    pixels: how many of a profile.
+    profile_of: (cells,) the profile nearest to each cell along X, -1 where none is near; x_low_mm,
+        cells_per_mm: where the cells lie. Profiles need not be evenly spaced.
     pixel_of: (cells,) pixel of each cell of slope; slope_low, cells_per_slope: where they lie.
+    apex_y_mm, apex_z_mm, lean_y, lean_z: see Fan.
     normal: (m, 3), offset_mm: (m,) of the patches.
     sample_mm: (3, n) points on the patches; sample_patch: (n,) theirs; sample_area: (n,) mm^2 that
         each stands for. The first one in s of them are spread over the scan, for every stride s
@@ -37,17 +40,17 @@ class Seen(NamedTuple):
     """
 
     image: NDArray[np.float32]
-    profiles: int
     pixels: int
-    first_mm: float
-    step_mm: float
+    profile_of: IntArray
+    x_low_mm: float
+    cells_per_mm: float
+    pixel_of: IntArray
+    slope_low: float
+    cells_per_slope: float
     apex_y_mm: float
     apex_z_mm: float
     lean_y: float
     lean_z: float
-    pixel_of: IntArray
-    slope_low: float
-    cells_per_slope: float
     normal: FloatArray
     offset_mm: FloatArray
     sample_mm: FloatArray
@@ -92,7 +95,8 @@ def places_of_samples(n: int, strides: tuple[int, ...]) -> IntArray:
 
 @compiled
 def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
-    pixel_of, slope_low, cells_per_slope = _slope_table(fan.column_slope)
+    profile_of, x_low, cells_per_mm = _nearest(fan.x_mm)
+    pixel_of, slope_low, cells_per_slope = _nearest(fan.column_slope)
     label, n, n_all = patches.label, place.size, patches.n_points.sum()
     points, patch, area = np.empty((3, n)), np.empty(n, np.int64), np.empty(n)
     sampled = np.zeros(patches.n_points.size)
@@ -121,17 +125,17 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
         area[j] = patches.area_mm2[patch[j]] / sampled[patch[j]]
     seen = Seen(
         _image(fan, label, planes, max_gap),
-        label.shape[0],
         label.shape[1],
-        x_mm[0],
-        profile_step_mm(fan),
+        profile_of,
+        x_low,
+        cells_per_mm,
+        pixel_of,
+        slope_low,
+        cells_per_slope,
         apex_y,
         apex_z,
         lean_y,
         lean_z,
-        pixel_of,
-        slope_low,
-        cells_per_slope,
         patches.normal,
         patches.offset_mm,
         points,
@@ -145,6 +149,7 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
 def _image(fan: Fan, label: IndexArray, planes: FloatArray, max_gap: int) -> NDArray[np.float32]:
     rows, columns = label.shape
     image = np.empty((rows, columns, 3), np.float32)
+    widest, gap = WIDEST_GAP * mean_gap_mm(fan), np.abs(np.diff(fan.x_mm))
     # The least of three depths in a profile, of the three latest profiles.
     beside = np.full((3, columns), -np.inf)
     for latest in range(rows + 1):
@@ -158,8 +163,10 @@ def _image(fan: Fan, label: IndexArray, planes: FloatArray, max_gap: int) -> NDA
                 row[u] = min(min(a, b), c) if np.isfinite(a + b + c) else -np.inf
         if latest == 0:
             continue
+        between = 1 < latest < rows and max(gap[latest - 2], gap[latest - 1]) <= widest
         for u in range(columns):
-            image[latest - 1, u, NEAREST] = min(min(beside[0, u], beside[1, u]), beside[2, u])
+            least = min(min(beside[0, u], beside[1, u]), beside[2, u])
+            image[latest - 1, u, NEAREST] = least if between else -np.inf
     return image.reshape(-1, 3)
 
 
@@ -187,24 +194,28 @@ def _bridged(
 
 
 @compiled
-def _slope_table(column_slope: FloatArray) -> tuple[IntArray, float, float]:
-    """The pixel nearest to each cell of slope, the lowest slope, and cells per unit of it."""
-    known = np.flatnonzero(np.isfinite(column_slope))
-    order = known[np.argsort(column_slope[known], kind="mergesort")]
-    slopes = column_slope[order]
-    if known.size < 2 or slopes[-1] == slopes[0]:
+def _nearest(place: FloatArray) -> tuple[IntArray, float, float]:
+    """Which of the places (n,), NaN if unknown, is nearest to each of even cells, -1 if none is.
+
+    Returns it, where the lowest cell begins, and cells per unit.
+    """
+    known = np.flatnonzero(np.isfinite(place))
+    order = known[np.argsort(place[known], kind="mergesort")]
+    places = place[order]
+    if known.size < 2 or places[-1] == places[0]:
         return np.full(1, -1), 0.0, 0.0
-    gap = (slopes[-1] - slopes[0]) / (known.size - 1)
-    low, high = slopes[0] - 0.5 * gap, slopes[-1] + 0.5 * gap
-    pixel_of = np.empty(CELLS_PER_PIXEL * column_slope.size, np.int64)
+    gap = (places[-1] - places[0]) / (known.size - 1)
+    low, high = places[0] - 0.5 * gap, places[-1] + 0.5 * gap
+    nearest = np.empty(CELLS_PER_BEAM * place.size, np.int64)
     upper = 1
-    for i in range(pixel_of.size):
-        centre = low + (i + 0.5) * (high - low) / pixel_of.size
-        while upper < slopes.size - 1 and slopes[upper] < centre:
+    for i in range(nearest.size):
+        centre = low + (i + 0.5) * (high - low) / nearest.size
+        while upper < places.size - 1 and places[upper] < centre:
             upper += 1
-        nearer = upper - 1 if centre - slopes[upper - 1] < slopes[upper] - centre else upper
-        pixel_of[i] = order[nearer]
-    return pixel_of, low, pixel_of.size / (high - low)
+        nearer = upper - 1 if centre - places[upper - 1] < places[upper] - centre else upper
+        near = abs(places[nearer] - centre) <= FARTHEST * gap
+        nearest[i] = order[nearer] if near else -1
+    return nearest, low, nearest.size / (high - low)
 
 
 @compiled
@@ -214,17 +225,27 @@ def beams_at(seen: Seen, points: FloatArray, beam: IntArray) -> None:
     points: (6, n or more) x, y and z in mm, and, out, the depth as the profile through the point
     sees it; the last two rows are room to work in, as this is called too often to ask for it.
     """
-    pixel_of, profiles, pixels = seen.pixel_of, float(seen.profiles), seen.pixels
-    first, low, scale, cells = seen.first_mm, seen.slope_low, seen.cells_per_slope, pixel_of.size
-    per_mm = 1.0 / seen.step_mm
+    profile_of, x_low, per_mm = seen.profile_of, seen.x_low_mm, seen.cells_per_mm
+    pixel_of, slope_low, per_slope = seen.pixel_of, seen.slope_low, seen.cells_per_slope
+    along, across, pixels = profile_of.size, pixel_of.size, seen.pixels
     apex_y, apex_z, lean_y, lean_z = seen.apex_y_mm, seen.apex_z_mm, seen.lean_y, seen.lean_z
-    xs, ys, zs, depth, row, cell = points[0], points[1], points[2], points[3], points[4], points[5]
+    xs, ys, zs, depth, row, column = (
+        points[0],
+        points[1],
+        points[2],
+        points[3],
+        points[4],
+        points[5],
+    )
     # First where, then what is there: the first loop runs on vectors of points.
     for j in range(beam.size):
         x, z = xs[j], zs[j] - lean_z * xs[j] - apex_z
-        p, c = (x - first) * per_mm + 0.5, ((ys[j] - lean_y * x - apex_y) / z - low) * scale
-        inside = (p >= 0.0) & (p < profiles) & (c >= 0.0) & (c < cells) & (z > 1.0)
-        depth[j], row[j], cell[j] = z, p, c if inside else -1.0
+        r, c = (x - x_low) * per_mm, ((ys[j] - lean_y * x - apex_y) / z - slope_low) * per_slope
+        inside = (r >= 0.0) & (r < along) & (c >= 0.0) & (c < across) & (z > 1.0)
+        depth[j], row[j], column[j] = z, r, c if inside else -1.0
     for j in range(beam.size):
-        pixel = pixel_of[np.int64(cell[j])] if cell[j] >= 0.0 else -1
-        beam[j] = np.int64(row[j]) * pixels + pixel if pixel >= 0 else -1
+        beam[j] = -1
+        if column[j] >= 0.0:
+            p, u = profile_of[np.int64(row[j])], pixel_of[np.int64(column[j])]
+            if p >= 0 and u >= 0:
+                beam[j] = p * pixels + u
