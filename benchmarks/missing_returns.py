@@ -14,12 +14,13 @@ limit_threads()
 
 import argparse  # noqa: E402
 from collections import Counter  # noqa: E402
-from collections.abc import Callable  # noqa: E402
+from collections.abc import Callable, Iterator  # noqa: E402
 from dataclasses import replace  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
+from scipy.spatial.transform import RigidTransform  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
 from harness.config import load_experiment  # noqa: E402
@@ -33,6 +34,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CONFIG = ROOT / "configs" / "random_pairs.yaml"
 PARAMS = GaussSphereParams(calibration=str(ROOT / "configs" / "calibration" / "jupiter.json"))
 FAMILIES = ("desk", "foam_chair", "clutter")
+OUTCOMES = ("right", "inexact", "wrong", "ambiguous", "underdetermined", "failed")
 
 Missing = Callable[[tuple[int, int], np.random.Generator], NDArray[np.bool_]]
 
@@ -80,38 +82,53 @@ def without(scan: Scan, missing: NDArray[np.bool_]) -> Scan:
     return replace(scan, points_mm=np.where(missing[..., None], np.nan, scan.points_mm))
 
 
+def judged(scans: list[Scan], T_exact: RigidTransform) -> str:
+    """What comes of registering target and source: the name of a column."""
+    result = register(*scans, params=PARAMS)
+    if result.status != "ok" or result.T_target_source is None:
+        return result.status
+    error = pose_error(T_exact, result.T_target_source)
+    exact, close = (
+        np.rad2deg(error.rotation_rad) < tolerance.rotation_deg
+        and error.translation_mm < tolerance.translation_mm
+        for tolerance in (FINE, COARSE)
+    )
+    return "right" if exact else "inexact" if close else "wrong"
+
+
+def pairs_of_views(
+    pairs: int, seed: int, changes: list[str]
+) -> Iterator[tuple[list[Scan], RigidTransform]]:
+    """Target and source of so many pairs a family, and their exact pose."""
+    number = [f"families.{family}.pairs={pairs}" for family in FAMILIES]
+    experiment = load_experiment(
+        CONFIG, [*number, "methods=[{name: gauss_sphere}]", *changes], seed
+    )
+    for trial in build_random_trials(experiment, CONFIG):
+        spec = full_spec(trial)
+        scans = [scan_view(spec, view) for view in (spec.target, spec.source)]
+        yield scans, exact_pose(spec.path(spec.target), spec.path(spec.source))
+
+
+def print_counts(counts: dict[str, Counter[str]], heading: str) -> None:
+    rows = [
+        [case, count.total(), *(count[name] for name in OUTCOMES)] for case, count in counts.items()
+    ]
+    print(tabulate(rows, [heading, "pairs", *OUTCOMES], "github"))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pairs", type=int, default=20, help="of each family")
     parser.add_argument("--seed", type=int, default=20105)
     options = parser.parse_args()
-    overrides = [f"families.{family}.pairs={options.pairs}" for family in FAMILIES]
-    experiment = load_experiment(
-        CONFIG, [*overrides, "methods=[{name: gauss_sphere}]"], options.seed
-    )
     counts = {case: Counter[str]() for case in CASES}
-    for number, trial in enumerate(build_random_trials(experiment, CONFIG)):
-        spec = full_spec(trial)
-        scans = [scan_view(spec, view) for view in (spec.target, spec.source)]
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+    for number, (scans, T_exact) in enumerate(pairs_of_views(options.pairs, options.seed, [])):
         for case, missing in CASES.items():
-            rng, count = np.random.default_rng([options.seed, number]), counts[case]
+            rng = np.random.default_rng([options.seed, number])
             thinned = [without(scan, missing(scan.points_mm.shape[:2], rng)) for scan in scans]
-            result = register(*thinned, params=PARAMS)
-            count["pairs"] += 1
-            if result.status != "ok" or result.T_target_source is None:
-                count[result.status] += 1
-                continue
-            error = pose_error(T_exact, result.T_target_source)
-            exact, close = (
-                np.rad2deg(error.rotation_rad) < tolerance.rotation_deg
-                and error.translation_mm < tolerance.translation_mm
-                for tolerance in (FINE, COARSE)
-            )
-            count["right" if exact else "inexact" if close else "wrong"] += 1
-    columns = ("pairs", "right", "inexact", "wrong", "ambiguous", "underdetermined", "failed")
-    rows = [[case, *(count[column] for column in columns)] for case, count in counts.items()]
-    print(tabulate(rows, ["missing", *columns], "github"))
+            counts[case][judged(thinned, T_exact)] += 1
+    print_counts(counts, "missing")
 
 
 if __name__ == "__main__":

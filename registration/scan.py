@@ -30,7 +30,8 @@ class Scan:
     sensor moved, unless travel says otherwise.
 
     points_mm: (profiles, pixels, 3), NaN where nothing returned; the index is the beam.
-    step_mm: how far the sensor moved between neighbouring profiles.
+    step_mm: how far the sensor moved between neighbouring profiles; where they are unevenly spaced,
+        on average.
     intensity: (profiles, pixels) or None.
     apex_mm: (3,) the point behind the sensor's front where the beams of the first profile meet, or
         None; profile k has its own at apex_mm + k step_mm travel.

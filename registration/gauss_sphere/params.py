@@ -36,7 +36,8 @@ class PatchParams:
     join_gain: chi-square that joining a segment to a patch, or two patches, may cost.
     tolerance_sigma: rms deviation, in standard deviations, that it may cost besides.
     max_tilt: tangent of a plane's inclination along X that young patches are held to, softly.
-    bridge_profiles: a patch goes on over this many profiles less one without a segment of it.
+    bridge_profiles: a patch goes on over this many profiles less one without a segment of it, and
+        over gaps between profiles of as many and a half usual ones.
     min_profiles, min_points: smaller patches are dropped.
     gate_sigma: points farther from their plane lose their label.
     fit_rounds: Gauss-Newton steps of a fit on all points, one at least, after one on a sample;

@@ -1,0 +1,78 @@
+"""How gauss_sphere takes profiles at uneven distances: random pairs, scanned twice as densely.
+
+python benchmarks/uneven_profiles.py [--pairs N] [--seed N]
+
+Of 160 profiles 2.5 mm apart some 80 are taken; the others are left out, not given as empty. Views
+and words are those of missing_returns.py.
+"""
+
+from __future__ import annotations
+
+from harness.threads import limit_threads
+
+limit_threads()
+
+import argparse  # noqa: E402
+from collections import Counter  # noqa: E402
+from collections.abc import Callable  # noqa: E402
+
+import numpy as np  # noqa: E402
+from missing_returns import judged, pairs_of_views, print_counts  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+
+from registration import Scan  # noqa: E402
+
+PROFILES, STEP_MM = 160, 2.5
+EVEN = np.arange(0, PROFILES, 2)
+
+Taken = Callable[[np.random.Generator], NDArray[np.int64]]
+
+
+def speeding_up(power: float) -> Taken:
+    """From standing, or nearly, to so many times the mean speed."""
+    along = np.linspace(0.0, 1.0, EVEN.size) ** power
+    return lambda _: np.unique(np.round((PROFILES - 1) * along).astype(np.int64))
+
+
+def braking_within(rng: np.random.Generator) -> NDArray[np.int64]:
+    """Half as fast over a third of the way, somewhere."""
+    start = rng.integers(PROFILES // 2)
+    slowly = np.arange(start, start + PROFILES // 3)
+    return np.union1d(EVEN[(start > EVEN) | (slowly[-1] < EVEN)], slowly)
+
+
+CASES: dict[str, Taken] = {
+    "even": lambda _: EVEN,
+    "each shaken by up to half a step": lambda rng: np.clip(
+        EVEN + rng.integers(-1, 2, EVEN.size), 0, PROFILES - 1
+    ),
+    "speeding up to 1.2 times the mean": speeding_up(1.2),
+    "speeding up to 1.5 times the mean": speeding_up(1.5),
+    "speeding up to twice the mean": speeding_up(2.0),
+    "half as fast over a third of the way": braking_within,
+    "any 80 of the 160": lambda rng: np.sort(rng.choice(PROFILES, EVEN.size, replace=False)),
+    "every fifth lost": lambda rng: EVEN[rng.random(EVEN.size) >= 0.2],
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--pairs", type=int, default=20, help="of each family")
+    parser.add_argument("--seed", type=int, default=20106)
+    options = parser.parse_args()
+    counts = {case: Counter[str]() for case in CASES}
+    dense = [f"scan.profiles={PROFILES}", f"scan.step_mm={STEP_MM}"]
+    pairs = pairs_of_views(options.pairs, options.seed, dense)
+    for number, (scans, T_exact) in enumerate(pairs):
+        for case, taken in CASES.items():
+            rng = np.random.default_rng([options.seed, number])
+            thinned = [
+                Scan.from_points(scan.points_mm[taken(rng)], 2.0 * STEP_MM, apex_mm=scan.apex_mm)
+                for scan in scans
+            ]
+            counts[case][judged(thinned, T_exact)] += 1
+    print_counts(counts, "profiles")
+
+
+if __name__ == "__main__":
+    main()
