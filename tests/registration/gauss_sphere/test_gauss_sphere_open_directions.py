@@ -129,10 +129,10 @@ def shelf(rng: np.random.Generator) -> Pair:
 
 def test_a_pose_a_compartment_further_is_a_rival_though_it_shares_less() -> None:
     # Every pose that shares as much surface is wrong; some of them share less by a compartment.
-    pairs = [shelf(np.random.default_rng(seed)) for seed in range(40)]
+    pairs = [shelf(np.random.default_rng(seed)) for seed in range(20)]
     results = [register(pair.target, pair.source) for pair in pairs]
     assert not any(result.status == "ok" for result in results)
-    assert sum("repeats itself" in result.reason for result in results) > 30
+    assert sum("repeats itself" in result.reason for result in results) > 15
     blind = GaussSphereParams(decision=DecisionParams(repeat_share=1.0))
     unseen = [register(pair.target, pair.source, params=blind).status for pair in pairs]
     assert "ok" in unseen
