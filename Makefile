@@ -3,8 +3,6 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 STAMP := .venv/.set-up
-# Compiling takes one core for minutes: what does not need kernels runs beside it.
-MAKEFLAGS += --jobs=2
 
 .PHONY: setup desk thesis studies test lint docs fuzz clean
 
@@ -42,7 +40,9 @@ lint: $(INSTALLED)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: lint setup
+# Compiling takes one core for minutes: what needs no kernels runs beside it.
+test:
+	@$(MAKE) --no-print-directory --jobs=2 lint setup
 	$(BIN)/pytest -n auto
 
 # The .3dx reader against 25,000 damaged files: under a minute.

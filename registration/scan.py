@@ -30,8 +30,9 @@ class Scan:
     sensor moved, unless travel says otherwise.
 
     points_mm: (profiles, pixels, 3), NaN where nothing returned; the index is the beam.
-    step_mm: how far the sensor moved between neighbouring profiles; where they are unevenly spaced,
-        on average.
+    step_mm: how far the sensor moved between neighbouring profiles. Where they are unevenly spaced
+        it is the mean, and k step_mm, below and in origins_mm, is where a profile was due:
+        gauss_sphere reads from the points where it lies.
     intensity: (profiles, pixels) or None.
     apex_mm: (3,) the point behind the sensor's front where the beams of the first profile meet, or
         None; profile k has its own at apex_mm + k step_mm travel.

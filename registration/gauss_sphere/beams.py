@@ -18,16 +18,18 @@ from registration.scan import BoolArray, FloatArray, Scan
 PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
 PARALLEL = 1e-6  # of the largest singular value of the lines' equations, their least
 APEX_PROFILES = 40  # of a longer scan, for the apex
-WIDEST_GAP = 3.0  # of the mean between profiles: a wider one does not tell what lies in it
+NARROW_SHARE = 0.05  # of the way between profiles lies in gaps narrower than the least usual one
+USUAL_GAPS = 6.0  # times as wide: where every second profile was lost, few gaps are wider
 
 
 class Fan(NamedTuple):
     """The beams of one view, each in the frame of its own profile.
 
-    Profiles need not be evenly spaced; those between others in which nothing returned are left out.
+    Profiles need not be evenly spaced. Those without a return are left out, but for the ones before
+    the first and after the last that has any.
 
-    x_mm: (profiles,) position of each profile; apex_mm: (3,) of the first profile, its x included
-        in x_mm.
+    x_mm: (profiles,) position of each profile; gap_mm: the usual gap between them.
+    apex_mm: (3,) of the first profile, its x included in x_mm.
     slope: (profiles, pixels) lateral tangent (y - apex_y) / (z - apex_z), 0 where nothing returned.
     depth_mm: (profiles, pixels) z - apex_z, NaN where nothing returned.
     sigma_mm: (profiles, pixels) standard deviation of the depth along the beam.
@@ -39,6 +41,7 @@ class Fan(NamedTuple):
     """
 
     x_mm: FloatArray
+    gap_mm: float
     apex_mm: FloatArray
     slope: FloatArray
     depth_mm: FloatArray
@@ -73,101 +76,114 @@ def _fan(points: FloatArray, step: float, apex_mm: FloatArray, lean: FloatArray)
     unknown = np.isnan(apex_mm).any()
     if unknown:
         apex_mm = _apex(points, lean)
-    shape = points.shape[:2]
-    fan = Fan(
-        x_mm=np.full(shape[0], np.nan),
-        apex_mm=apex_mm,
-        slope=np.empty(shape),
-        depth_mm=np.empty(shape),
-        sigma_mm=np.empty(shape),
-        column_slope=np.empty(shape[1]),
-        lean=lean,
-    )
-    if _take_beams(points, fan) and unknown:
-        fan.apex_mm[:] = 0.0, 0.0, -PARALLEL_APEX_MM
-        _take_beams(points, fan)
-    _place_empty(fan.x_mm, step)
-    _take_noise(fan, *depth_noise(fan.depth_mm, fan.slope))
-    return fan
+    rows, columns = points.shape[:2]
+    x_mm, column_slope = np.full(rows, np.nan), np.empty(columns)
+    slope, depth_mm = np.empty((rows, columns)), np.empty((rows, columns))
+    if _take_beams(points, apex_mm, lean, x_mm, slope, depth_mm, column_slope) and unknown:
+        apex_mm = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
+        _take_beams(points, apex_mm, lean, x_mm, slope, depth_mm, column_slope)
+    gap_mm = _usual_gap(x_mm[np.isfinite(x_mm)])
+    _place_unseen(x_mm, gap_mm if gap_mm > 0.0 else step)
+    _fill_between(column_slope)
+    sigma_mm = np.empty((rows, columns))
+    _take_noise(depth_mm, sigma_mm, *depth_noise(depth_mm, slope))
+    return Fan(x_mm, gap_mm, apex_mm, slope, depth_mm, sigma_mm, column_slope, lean)
 
 
 @compiled
-def mean_gap_mm(fan: Fan) -> float:
-    """How far apart along X profiles are on average, 0 where there is only one."""
-    last = fan.x_mm.size - 1
-    return float(abs(fan.x_mm[last] - fan.x_mm[0]) / max(last, 1))
+def _usual_gap(x: FloatArray) -> float:
+    """The mean gap between places (n,) that follow each other, each weighted by its length.
 
-
-@compiled
-def usual_gap_mm(fan: Fan) -> float:
-    """The gap in which a place between profiles lies, on average; places in the widest are none."""
-    widest, squares, length = WIDEST_GAP * mean_gap_mm(fan), 0.0, 0.0
-    for p in range(1, fan.x_mm.size):
-        gap = abs(fan.x_mm[p] - fan.x_mm[p - 1])
-        if gap <= widest:
-            squares += gap * gap
-            length += gap
+    Gaps far wider than the narrow ones are left out, and those of a sensor that stands still weigh
+    nothing. 0 where all places are one.
+    """
+    gap = np.sort(np.abs(np.diff(x)))
+    narrow, way, total = 0.0, 0.0, gap.sum()
+    for g in gap:
+        narrow, way = g, way + g
+        if way >= NARROW_SHARE * total:
+            break
+    squares, length = 0.0, 0.0
+    for g in gap:
+        if g <= USUAL_GAPS * narrow:
+            squares += g * g
+            length += g
     return float(squares / length) if length > 0.0 else 0.0
 
 
 @compiled
-def _place_empty(x_mm: FloatArray, step: float) -> None:
-    """Continue the positions of profiles by even steps where they are NaN, at both ends."""
+def _place_unseen(x_mm: FloatArray, step: float) -> None:
+    """Fill in NaN in the places of profiles: evenly between others, by steps before and after."""
     known = np.flatnonzero(np.isfinite(x_mm))
     if known.size == 0:
         x_mm[:] = step * np.arange(x_mm.size)
         return
     first, last = known[0], known[-1]
+    if x_mm[last] < x_mm[first]:
+        step = -abs(step)
     for p in range(first):
         x_mm[p] = x_mm[first] - (first - p) * step
     for p in range(last + 1, x_mm.size):
         x_mm[p] = x_mm[last] + (p - last) * step
+    _fill_between(x_mm)
 
 
 @compiled
-def _take_beams(points: FloatArray, fan: Fan) -> int:
-    """Fill in the fan; returns how many points cannot be on its beams: they lie behind the apex."""
+def _fill_between(value: FloatArray) -> None:
+    """Fill in NaN between two numbers, on the line through them."""
+    last = -1
+    for v in range(value.size):
+        if np.isnan(value[v]):
+            continue
+        for u in range(last + 1, v if last >= 0 else 0):
+            share = (u - last) / (v - last)
+            value[u] = (1.0 - share) * value[last] + share * value[v]
+        last = v
+
+
+@compiled
+def _take_beams(
+    points: FloatArray,
+    apex_mm: FloatArray,
+    lean: FloatArray,
+    x_mm: FloatArray,
+    slopes: FloatArray,
+    depths: FloatArray,
+    column_slope: FloatArray,
+) -> int:
+    """Fill in the last four, NaN where nothing returned; how many points cannot be on the beams.
+
+    These lie behind the apex.
+    """
     behind = 0
     sums, seen = np.zeros(points.shape[1]), np.zeros(points.shape[1])
     for p in range(points.shape[0]):
         x, n = 0.0, 0
         for u in range(points.shape[1]):
-            depth = points[p, u, 2] - fan.lean[1] * points[p, u, 0] - fan.apex_mm[2]
-            fan.depth_mm[p, u], fan.slope[p, u] = np.nan, 0.0
+            depth = points[p, u, 2] - lean[1] * points[p, u, 0] - apex_mm[2]
+            depths[p, u], slopes[p, u] = np.nan, 0.0
             if depth > 0.0:
-                aside = points[p, u, 1] - fan.lean[0] * points[p, u, 0] - fan.apex_mm[1]
+                aside = points[p, u, 1] - lean[0] * points[p, u, 0] - apex_mm[1]
                 slope = aside / depth
-                fan.depth_mm[p, u] = depth
-                fan.slope[p, u] = slope
+                depths[p, u] = depth
+                slopes[p, u] = slope
                 x += points[p, u, 0]
                 n += 1
                 sums[u] += slope
                 seen[u] += 1.0
             elif depth <= 0.0:
                 behind += 1
-        if n > 0:
-            fan.x_mm[p] = x / n
-    last = -1
+        x_mm[p] = x / n if n > 0 else np.nan
     for u in range(points.shape[1]):
-        fan.column_slope[u] = sums[u] / seen[u]  # NaN if never seen
-        if seen[u] == 0.0:
-            continue
-        for v in range(last + 1, u):
-            if last >= 0:
-                share = (v - last) / (u - last)
-                fan.column_slope[v] = (1.0 - share) * fan.column_slope[
-                    last
-                ] + share * fan.column_slope[u]
-        last = u
+        column_slope[u] = sums[u] / seen[u]  # NaN if never seen
     return behind
 
 
 @compiled
-def _take_noise(fan: Fan, constant: float, square: float) -> None:
-    for p in range(fan.depth_mm.shape[0]):
-        for u in range(fan.depth_mm.shape[1]):
-            sigma = constant + square * fan.depth_mm[p, u] ** 2
-            fan.sigma_mm[p, u] = max(sigma, MIN_SIGMA_MM)
+def _take_noise(depth: FloatArray, sigma: FloatArray, constant: float, square: float) -> None:
+    for p in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            sigma[p, u] = max(constant + square * depth[p, u] ** 2, MIN_SIGMA_MM)
 
 
 @compiled

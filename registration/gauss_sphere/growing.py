@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.gauss_sphere.beams import Fan, usual_gap_mm
+from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.points import Grouped, grouped
 from registration.gauss_sphere.segments import Segments
@@ -39,7 +39,7 @@ def _grown(
     min_profiles: int,
     edge_pixels: int,
 ) -> Grouped:
-    reach_mm = (bridge + 0.5) * usual_gap_mm(fan)
+    reach_mm = (bridge + 0.5) * fan.gap_mm
     owner = _grow(segments, fan.x_mm, gain, tolerance, max_tilt, bridge, reach_mm)
     n_patches = _keep_large(segments, owner, min_points, min_profiles)
     return grouped(segments, owner, n_patches, fan.depth_mm, edge_pixels)

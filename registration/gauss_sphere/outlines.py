@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from registration.gauss_sphere.beams import Fan, usual_gap_mm
+from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.params import OutlineParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.gauss_sphere.view import View
@@ -22,7 +22,7 @@ SIDES = 4  # higher and lower pixels, later and earlier profiles
 GRAZING = 0.05  # a beam that meets a plane at less (cosine, times its slant) says too little
 MOST_MIXED = 2  # points between the face and what is behind it
 MOST_MISSING_PROFILES = 2
-WIDEST_GAP = 1.5  # of the usual between profiles: in a wider one a face may end anywhere
+WIDEST_END_GAP = 1.5  # of the usual between profiles: in a wider one a face may end anywhere
 LEAST_NEIGHBOURS, NEAR_PROFILES = 5, 6
 LEAST_OUTWARD = 0.3  # cosine between the step out of the face and across the outline
 STRAIGHT_MM, STRAIGHT_CELLS = 1.0, 0.7  # how far off a line points scatter: mm and half cells
@@ -166,7 +166,7 @@ def _found_ends(
     label, rows, columns = patches.label, patches.label.shape[0], patches.label.shape[1]
     # One by one: handing over the fan costs a count of references to each of its arrays.
     depth, slopes, sigma, x_mm = fan.depth_mm, fan.slope, fan.sigma_mm, fan.x_mm
-    widest_mm = WIDEST_GAP * usual_gap_mm(fan)
+    widest_mm = WIDEST_END_GAP * fan.gap_mm
     planes, known = planes_in_beams(fan, patches), np.flatnonzero(np.isfinite(fan.column_slope))
     first, last = known[0], known[-1]
     pitch = (fan.column_slope[last] - fan.column_slope[first]) / max(last - first, 1)
@@ -193,7 +193,10 @@ def _found_ends(
                     line, row, room = np.append(line, line), np.append(row, row), 2 * room
                 _foot(fan, plane, fan.x_mm[a], fan.slope[a, b], point[n])
                 x, slope = x_mm[a], fan.slope[a, b] + du * pitch * cells
-                x += (x_mm[a + dp] - x) * cells
+                if dp != 0:
+                    x = 0.5 * (x + x_mm[a + dp * int(2.0 * cells)])
+                    if x == x_mm[a]:
+                        continue
                 _foot(fan, plane, x, slope, beyond[n])
                 if not np.isfinite(point[n, 2] + beyond[n, 2]):
                     continue

@@ -182,13 +182,17 @@ def _about_centroid(
 
 @compiled
 def _beam_area(fan: Fan) -> float:
-    """What a beam stands for in profile spacing times slope: the mean of nearly constant ones."""
-    low, high = np.inf, -np.inf
+    """What a beam stands for in profile spacing times slope, on average.
+
+    Wide gaps do not count as seen; of nearly constant spacing and slopes the mean will do.
+    """
+    low, high, seen = np.inf, -np.inf, 0.0
     for u in range(fan.column_slope.size):
         low, high = min(low, fan.column_slope[u]), max(high, fan.column_slope[u])
+    for p in range(1, fan.x_mm.size):
+        seen += min(abs(fan.x_mm[p] - fan.x_mm[p - 1]), fan.gap_mm)
     rows, columns = fan.depth_mm.shape
-    beams = max((rows - 1) * (columns - 1), 1)
-    return float(abs((high - low) * (fan.x_mm[-1] - fan.x_mm[0])) / beams)
+    return float(abs(high - low) * seen / max((rows - 1) * (columns - 1), 1))
 
 
 @compiled

@@ -63,6 +63,7 @@ def straightened(fan: Fan, points: Grouped, known: Known, turns: int) -> Fan:
                 depths[k], sigmas[k] = measured[j] - bias[j], foretold[j] * scale
     return Fan(
         x_mm=fan.x_mm,
+        gap_mm=fan.gap_mm,
         apex_mm=fan.apex_mm,
         slope=fan.slope,
         depth_mm=depth,

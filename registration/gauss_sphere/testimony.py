@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.gauss_sphere.beams import usual_gap_mm
 from registration.gauss_sphere.outlines import Ends, Outlines, as_ends, ends_of
 from registration.gauss_sphere.params import OutlineParams
 from registration.gauss_sphere.view import DEPTH, PATCH, Seen, View, beams_at
@@ -122,7 +121,7 @@ def _cell_mm(view: View) -> float:
         return 0.0
     pitch = abs(slope[pixel[-1]] - slope[pixel[0]]) / max(pixel[-1] - pixel[0], 1)
     depth = view.seen.sample_mm[2].mean() - view.seen.apex_z_mm
-    return float(max(usual_gap_mm(view.fan), pitch * depth))
+    return float(max(view.fan.gap_mm, pitch * depth))
 
 
 @compiled

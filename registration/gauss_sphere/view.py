@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from registration.gauss_sphere.beams import WIDEST_GAP, Fan, mean_gap_mm
+from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.gauss_sphere.points import GOLDEN_RATIO
@@ -17,7 +17,9 @@ from registration.scan import FloatArray, IndexArray, IntArray
 
 DEPTH, NEAREST, PATCH = range(3)  # columns of what a view saw
 CELLS_PER_BEAM = 8
-FARTHEST = 2.0  # of the mean gap: what is farther from every profile or pixel was not looked at
+MOST_CELLS_PER_BEAM = 64  # where profiles lie far apart
+UNSEEN = 1.5  # of the usual gap: what lies farther from every profile was not looked at
+OPEN_GAP = 2.0  # of the usual gap: what is free beside a wider one is not known
 
 
 class Seen(NamedTuple):
@@ -41,10 +43,10 @@ class Seen(NamedTuple):
 
     image: NDArray[np.float32]
     pixels: int
-    profile_of: IntArray
+    profile_of: IndexArray
     x_low_mm: float
     cells_per_mm: float
-    pixel_of: IntArray
+    pixel_of: IndexArray
     slope_low: float
     cells_per_slope: float
     apex_y_mm: float
@@ -95,8 +97,8 @@ def places_of_samples(n: int, strides: tuple[int, ...]) -> IntArray:
 
 @compiled
 def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
-    profile_of, x_low, cells_per_mm = _nearest(fan.x_mm)
-    pixel_of, slope_low, cells_per_slope = _nearest(fan.column_slope)
+    profile_of, x_low, cells_per_mm = _nearest_profiles(fan)
+    pixel_of, slope_low, cells_per_slope = _nearest_pixels(fan.column_slope)
     label, n, n_all = patches.label, place.size, patches.n_points.sum()
     points, patch, area = np.empty((3, n)), np.empty(n, np.int64), np.empty(n)
     sampled = np.zeros(patches.n_points.size)
@@ -149,7 +151,7 @@ def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
 def _image(fan: Fan, label: IndexArray, planes: FloatArray, max_gap: int) -> NDArray[np.float32]:
     rows, columns = label.shape
     image = np.empty((rows, columns, 3), np.float32)
-    widest, gap = WIDEST_GAP * mean_gap_mm(fan), np.abs(np.diff(fan.x_mm))
+    widest, gap = OPEN_GAP * fan.gap_mm, np.abs(np.diff(fan.x_mm))
     # The least of three depths in a profile, of the three latest profiles.
     beside = np.full((3, columns), -np.inf)
     for latest in range(rows + 1):
@@ -194,28 +196,47 @@ def _bridged(
 
 
 @compiled
-def _nearest(place: FloatArray) -> tuple[IntArray, float, float]:
-    """Which of the places (n,), NaN if unknown, is nearest to each of even cells, -1 if none is.
+def _nearest_profiles(fan: Fan) -> tuple[IndexArray, float, float]:
+    """As _nearest, -1 where no profile is near."""
+    low, high = fan.x_mm.min() - 0.5 * fan.gap_mm, fan.x_mm.max() + 0.5 * fan.gap_mm
+    cells, most = 0, MOST_CELLS_PER_BEAM * fan.x_mm.size
+    if fan.gap_mm > 0.0:
+        cells = min(int(np.rint(CELLS_PER_BEAM * (high - low) / fan.gap_mm)), most)
+    return _nearest(fan.x_mm, low, high, cells, UNSEEN * fan.gap_mm)
 
-    Returns it, where the lowest cell begins, and cells per unit.
+
+@compiled
+def _nearest_pixels(column_slope: FloatArray) -> tuple[IndexArray, float, float]:
+    """As _nearest, of slopes NaN where they are not known."""
+    low, high = np.nanmin(column_slope), np.nanmax(column_slope)
+    known = np.isfinite(column_slope).sum()
+    half = 0.5 * (high - low) / max(known - 1, 1)
+    cells = CELLS_PER_BEAM * column_slope.size if high > low else 0
+    return _nearest(column_slope, low - half, high + half, cells, np.inf)
+
+
+@compiled
+def _nearest(
+    place: FloatArray, low: float, high: float, cells: int, farthest: float
+) -> tuple[IndexArray, float, float]:
+    """Which of the places is nearest to each of even cells from low to high, -1 if none is near.
+
+    Returns it (cells,), low, and cells per unit; one cell with -1 where there are none.
     """
+    nearest = np.full(max(cells, 1), -1, np.int32)
+    if cells == 0:
+        return nearest, 0.0, 0.0
     known = np.flatnonzero(np.isfinite(place))
     order = known[np.argsort(place[known], kind="mergesort")]
-    places = place[order]
-    if known.size < 2 or places[-1] == places[0]:
-        return np.full(1, -1), 0.0, 0.0
-    gap = (places[-1] - places[0]) / (known.size - 1)
-    low, high = places[0] - 0.5 * gap, places[-1] + 0.5 * gap
-    nearest = np.empty(CELLS_PER_BEAM * place.size, np.int64)
-    upper = 1
-    for i in range(nearest.size):
-        centre = low + (i + 0.5) * (high - low) / nearest.size
+    places, upper = place[order], 1
+    for i in range(cells):
+        centre = low + (i + 0.5) * (high - low) / cells
         while upper < places.size - 1 and places[upper] < centre:
             upper += 1
         nearer = upper - 1 if centre - places[upper - 1] < places[upper] - centre else upper
-        near = abs(places[nearer] - centre) <= FARTHEST * gap
-        nearest[i] = order[nearer] if near else -1
-    return nearest, low, nearest.size / (high - low)
+        if abs(places[nearer] - centre) <= farthest:
+            nearest[i] = order[nearer]
+    return nearest, low, cells / (high - low)
 
 
 @compiled

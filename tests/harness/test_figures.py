@@ -14,13 +14,16 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from harness.figures import KINDS, draw_pair
 from harness.figures_page import MAX_POINTS, projections, thinned
 from harness.figures_planes import normal_colours
+from harness.figures_point_labels import draw_labelled_points
 from harness.figures_shifts import box_edges
 from harness.figures_superposition import draw_superposition
 from harness.looks import FRONT, TOP, limits
 from harness.pair_matches import sorted_matches
 from harness.pair_view import PairView
+from harness.report.pair_layers import view_layers
 from harness.scoring import exact_pose
 from registration import RegistrationResult, Scan, register
+from registration.gauss_sphere.evidence import patch_of_points
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.paths import aimed_view, straight_line
@@ -177,3 +180,22 @@ def test_a_box_has_twelve_edges_along_the_axes() -> None:
     span = np.abs(edges[:, 1] - edges[:, 0])
     assert (np.count_nonzero(span, axis=1) == 1).all()
     assert sorted(span.max(axis=1)) == [3.0] * 4 + [4.0] * 4 + [5.0] * 4
+
+
+def test_points_keep_their_planes_where_profiles_are_empty(pair: PairView) -> None:
+    points_mm = pair.target.points_mm.copy()
+    points_mm[20:24] = points_mm[40] = np.nan
+    target = Scan.from_points(points_mm, 5.0, apex_mm=pair.target.apex_mm)
+    result = register(target, pair.source)
+    assert result.status == "ok", result.reason
+    shown = replace(pair, target=target, result=result, method="gauss_sphere")
+    planes = result.evidence["planes"]
+    figure = draw_labelled_points(shown, planes, "planes")
+    label = patch_of_points(target, planes.target)
+    offsets = figure.axes[0].collections[0].get_offsets()
+    assert len(offsets) == np.count_nonzero(label >= 0)
+    hulls = view_layers(shown)["target"]["patches"]
+    assert len(hulls["sizes"]) == planes.target.patches.n_points.size
+    for index in range(planes.target.patches.n_points.size):
+        away_mm = target.points_mm[label == index] @ planes.target.patches.normal[index]
+        assert np.ptp(away_mm) < 1.0

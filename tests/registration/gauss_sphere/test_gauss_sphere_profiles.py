@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from plane_scans import (
+    Plates,
     join,
     move_plates,
     plates_from,
@@ -17,7 +18,7 @@ from plane_scans import (
 )
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import fan_of
+from registration.gauss_sphere.beams import _usual_gap, fan_of
 from registration.gauss_sphere.evidence import patch_of_points
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.pipeline import describe
@@ -36,7 +37,7 @@ def faster(rng: np.random.Generator) -> np.ndarray:
 
 def shaken(rng: np.random.Generator) -> np.ndarray:
     even = np.arange(0, DENSE, 2)
-    return np.clip(even + rng.integers(-1, 2, even.size), 0, DENSE - 1)
+    return np.unique(np.clip(even + rng.integers(-1, 2, even.size), 0, DENSE - 1))
 
 
 def half_of_them(rng: np.random.Generator) -> np.ndarray:
@@ -76,6 +77,67 @@ def test_profiles_need_not_be_evenly_spaced(profiles: Profiles, seed: int) -> No
     assert distance_mm < 5.0
 
 
+def standing(plates: Plates, rng: np.random.Generator) -> Scan:
+    """Two profiles in three are of a sensor that stands still half-way, each with its own noise."""
+    scans = [scan_plates(plates, noise=1.0, rng=rng) for _ in range(121)]
+    still = np.stack([scan.points_mm[30] for scan in scans[1:]])
+    points_mm = np.concatenate([scans[0].points_mm[:30], still, scans[0].points_mm[30:]])
+    return Scan.from_points(points_mm, 5.0, apex_mm=scans[0].apex_mm)
+
+
+def stop_and_go(plates: Plates, rng: np.random.Generator) -> Scan:
+    """Each place is measured four times."""
+    scans = [scan_plates(plates, noise=1.0, rng=rng) for _ in range(4)]
+    points_mm = np.stack([scan.points_mm for scan in scans], axis=1).reshape(-1, 256, 3)
+    return Scan.from_points(points_mm, 5.0, apex_mm=scans[0].apex_mm)
+
+
+def with_one_astray(plates: Plates, rng: np.random.Generator) -> Scan:
+    """The last profile claims to be 2 m off."""
+    scan = scan_plates(plates, noise=1.0, rng=rng)
+    points_mm = scan.points_mm.copy()
+    points_mm[-1, :, 0] += 2e3
+    return Scan.from_points(points_mm, 5.0, apex_mm=scan.apex_mm)
+
+
+def backwards(plates: Plates, rng: np.random.Generator) -> Scan:
+    """X falls, and nothing is seen at first and at last."""
+    points_mm = scan_plates(plates, noise=1.0, rng=rng).points_mm[::-1].copy()
+    points_mm[:8] = points_mm[-8:] = np.nan
+    return Scan.from_points(points_mm, 5.0)
+
+
+@pytest.mark.parametrize("scanned", [standing, stop_and_go, with_one_astray, backwards])
+@pytest.mark.parametrize("seed", range(3))
+def test_motions_of_other_kinds_are_taken(
+    scanned: Callable[[Plates, np.random.Generator], Scan], seed: int
+) -> None:
+    rng = np.random.default_rng([34, seed])
+    plates, T_source_target = random_clutter(rng), random_view(rng)
+    result = register(scanned(plates, rng), scanned(move_plates(plates, T_source_target), rng))
+    assert result.status == "ok", result.reason
+    angle_deg, distance_mm = pose_error(result.T_target_source, T_source_target.inv())
+    assert angle_deg < 0.5
+    assert distance_mm < 5.0
+
+
+@pytest.mark.parametrize(
+    ("x_mm", "gap_mm"),
+    [
+        (5.0 * np.arange(9), 5.0),
+        (-5.0 * np.arange(9), 5.0),
+        (np.repeat(5.0 * np.arange(9), 4), 5.0),  # four of each
+        (np.r_[0:50:5, 1050:1100:5], 5.0),  # a hole
+        (np.r_[np.zeros(400), 5.0 * np.arange(9)], 5.0),  # stood still
+        (np.array([0.0, 2.0, 4.0, 10.0]), 4.4),  # each by its length: (4 + 4 + 36) / 10
+        (np.zeros(9), 0.0),
+        (np.zeros(1), 0.0),
+    ],
+)
+def test_the_usual_gap(x_mm: np.ndarray, gap_mm: float) -> None:
+    assert _usual_gap(x_mm.astype(np.float64)) == pytest.approx(gap_mm)
+
+
 def test_a_profile_without_a_return_is_as_one_not_taken() -> None:
     target, source, _ = dense_pair(4)
     rng = np.random.default_rng(33)
@@ -113,17 +175,22 @@ def test_the_apex_is_found_from_uneven_profiles_of_a_slanted_motion() -> None:
 def test_every_point_keeps_its_patch() -> None:
     scan, _, _ = dense_pair(7)
     lost = np.r_[20:23, 50, 80:95]
-    empty = emptied(scan, lost)
-    view = describe(empty, DEFAULTS)
-    patch = patch_of_points(empty, view)
+    kept = np.delete(np.arange(DENSE), lost)
+    empty, closed = emptied(scan, lost), taken(scan, kept)
+    patch = patch_of_points(empty, describe(empty, DEFAULTS))
     assert patch.shape == empty.points_mm.shape[:2]
     assert (patch[lost] == -1).all()
-    assert (patch >= 0).mean() > 0.5
-    for i, (normal, offset_mm) in enumerate(
-        zip(view.patches.normal, view.patches.offset_mm, strict=True)
-    ):
-        away_mm = empty.points_mm[patch == i] @ normal - offset_mm
-        assert abs(away_mm).max() < 8.0
+    np.testing.assert_array_equal(patch[kept], describe(closed, DEFAULTS).patches.label)
+
+
+def test_a_patch_goes_on_over_a_gap_of_two_and_a_half() -> None:
+    board = plates_from(
+        np.array([[0.0, 0.1, -1.0]]), np.array([[150.0, 0, 700]]), np.full((1, 2), 500.0)
+    )
+    scan = scan_plates(board)
+    for lost, patches in ((1, 1), (2, 2)):  # gaps of 2 and 3 steps
+        kept = np.delete(np.arange(60), np.arange(30, 30 + lost))
+        assert describe(taken(scan, kept), DEFAULTS).patches.n_points.size == patches
 
 
 def two_boards(gap_mm: float) -> Scan:
@@ -146,9 +213,14 @@ def test_nothing_is_known_of_a_wide_gap(closed_up: bool) -> None:
     view = describe(scan, DEFAULTS)
     assert view.patches.n_points.size == 2
     seen, x_mm = view.seen, view.fan.x_mm
-    cell = int((0.5 * (x_mm[0] + x_mm[-1]) - seen.x_low_mm) * seen.cells_per_mm)
-    assert seen.profile_of[cell] == -1
+    edge = int(np.argmax(np.diff(x_mm)))
+
+    def profile_at(x: float) -> int:
+        return int(seen.profile_of[int((x - seen.x_low_mm) * seen.cells_per_mm)])
+
+    assert profile_at(0.5 * (x_mm[edge] + x_mm[edge + 1])) == -1
+    assert profile_at(x_mm[edge] + 2.0) == edge
+    assert profile_at(x_mm[edge] + 9.0) == profile_at(x_mm[edge + 1] - 9.0) == -1
     nearest = seen.image.reshape(x_mm.size, -1, 3)[..., NEAREST]
-    edge = np.argmax(np.diff(x_mm))
     assert (nearest[[edge, edge + 1]] == -np.inf).all()
     assert np.isfinite(nearest[[edge - 1, edge + 2]]).any(axis=1).all()
