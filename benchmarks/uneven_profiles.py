@@ -2,8 +2,8 @@
 
 python benchmarks/uneven_profiles.py [--pairs N] [--seed N]
 
-Of 160 profiles 2.5 mm apart 60 to 110 are taken; the others are left out, not given as empty. Views
-and words are those of missing_returns.py.
+Of 160 profiles 2.5 mm apart some 55 to 110 are taken; the others are left out, not given as empty.
+Views and words are those of missing_returns.py.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ CASES: dict[str, Taken] = {
     "speeding up to twice the mean": speeding_up(2.0),
     "half as fast over a third of the way": braking_within,
     "any 80 of the 160": lambda rng: np.sort(rng.choice(PROFILES, EVEN.size, replace=False)),
-    "every fifth lost": lambda rng: EVEN[rng.random(EVEN.size) >= 0.2],
+    "one in five lost": lambda rng: EVEN[rng.random(EVEN.size) >= 0.2],
 }
 
 

@@ -19,7 +19,7 @@ PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
 PARALLEL = 1e-6  # of the largest singular value of the lines' equations, their least
 APEX_PROFILES = 40  # of a longer scan, for the apex
 NARROW_SHARE = 0.05  # of the way between profiles lies in gaps narrower than the least usual one
-USUAL_GAPS = 6.0  # times as wide: where every second profile was lost, few gaps are wider
+USUAL_GAPS = 6.0  # times as wide: where half of the profiles were lost at random, few are wider
 
 
 class Fan(NamedTuple):
@@ -77,7 +77,7 @@ def _fan(points: FloatArray, step: float, apex_mm: FloatArray, lean: FloatArray)
     if unknown:
         apex_mm = _apex(points, lean)
     rows, columns = points.shape[:2]
-    x_mm, column_slope = np.full(rows, np.nan), np.empty(columns)
+    x_mm, column_slope = np.empty(rows), np.empty(columns)
     slope, depth_mm = np.empty((rows, columns)), np.empty((rows, columns))
     if _take_beams(points, apex_mm, lean, x_mm, slope, depth_mm, column_slope) and unknown:
         apex_mm = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
@@ -94,8 +94,8 @@ def _fan(points: FloatArray, step: float, apex_mm: FloatArray, lean: FloatArray)
 def _usual_gap(x: FloatArray) -> float:
     """The mean gap between places (n,) that follow each other, each weighted by its length.
 
-    Gaps far wider than the narrow ones are left out, and those of a sensor that stands still weigh
-    nothing. 0 where all places are one.
+    Gaps far wider than the narrow ones are left out, as long as these make a twentieth of the way;
+    those of a sensor that stands still weigh nothing. 0 where all places are one.
     """
     gap = np.sort(np.abs(np.diff(x)))
     narrow, way, total = 0.0, 0.0, gap.sum()
@@ -120,7 +120,7 @@ def _place_unseen(x_mm: FloatArray, step: float) -> None:
         return
     first, last = known[0], known[-1]
     if x_mm[last] < x_mm[first]:
-        step = -abs(step)
+        step = -step
     for p in range(first):
         x_mm[p] = x_mm[first] - (first - p) * step
     for p in range(last + 1, x_mm.size):
@@ -151,14 +151,14 @@ def _take_beams(
     depths: FloatArray,
     column_slope: FloatArray,
 ) -> int:
-    """Fill in the last four, NaN where nothing returned; how many points cannot be on the beams.
+    """Fill in the last four: NaN, slopes 0, where nothing returned.
 
-    These lie behind the apex.
+    Returns how many points lie behind the apex, where no beam can be.
     """
     behind = 0
     sums, seen = np.zeros(points.shape[1]), np.zeros(points.shape[1])
     for p in range(points.shape[0]):
-        x, n = 0.0, 0
+        first, x, n = 0.0, 0.0, 0
         for u in range(points.shape[1]):
             depth = points[p, u, 2] - lean[1] * points[p, u, 0] - apex_mm[2]
             depths[p, u], slopes[p, u] = np.nan, 0.0
@@ -167,13 +167,15 @@ def _take_beams(
                 slope = aside / depth
                 depths[p, u] = depth
                 slopes[p, u] = slope
-                x += points[p, u, 0]
+                # About the first, so that the mean of equal ones is exact.
+                first = points[p, u, 0] if n == 0 else first
+                x += points[p, u, 0] - first
                 n += 1
                 sums[u] += slope
                 seen[u] += 1.0
             elif depth <= 0.0:
                 behind += 1
-        x_mm[p] = x / n if n > 0 else np.nan
+        x_mm[p] = first + x / n if n > 0 else np.nan
     for u in range(points.shape[1]):
         column_slope[u] = sums[u] / seen[u]  # NaN if never seen
     return behind

@@ -117,8 +117,10 @@ def _grow(
         p = profile[i]
         joined = False
         for back in range(1, bridge + 1):
-            if p - back < 0 or (joined and back > 1) or abs(x[p] - x[p - back]) > reach_mm:
+            if p - back < 0 or (joined and back > 1):
                 break
+            if abs(x[p] - x[p - back]) > reach_mm:
+                continue
             for j in range(first_of[p - back], first_of[p - back + 1]):
                 shared = min(high[i], high[j]) - max(low[i], low[j])
                 if shared <= 0.25 * min(high[i] - low[i], high[j] - low[j]):

@@ -22,6 +22,7 @@ SIDES = 4  # higher and lower pixels, later and earlier profiles
 GRAZING = 0.05  # a beam that meets a plane at less (cosine, times its slant) says too little
 MOST_MIXED = 2  # points between the face and what is behind it
 MOST_MISSING_PROFILES = 2
+LEAST_END_GAP = 0.1  # of the usual between profiles, to the middle: nearer ones are of one place
 WIDEST_END_GAP = 1.5  # of the usual between profiles: in a wider one a face may end anywhere
 LEAST_NEIGHBOURS, NEAR_PROFILES = 5, 6
 LEAST_OUTWARD = 0.3  # cosine between the step out of the face and across the outline
@@ -166,7 +167,7 @@ def _found_ends(
     label, rows, columns = patches.label, patches.label.shape[0], patches.label.shape[1]
     # One by one: handing over the fan costs a count of references to each of its arrays.
     depth, slopes, sigma, x_mm = fan.depth_mm, fan.slope, fan.sigma_mm, fan.x_mm
-    widest_mm = WIDEST_END_GAP * fan.gap_mm
+    least_mm, widest_mm = LEAST_END_GAP * fan.gap_mm, WIDEST_END_GAP * fan.gap_mm
     planes, known = planes_in_beams(fan, patches), np.flatnonzero(np.isfinite(fan.column_slope))
     first, last = known[0], known[-1]
     pitch = (fan.column_slope[last] - fan.column_slope[first]) / max(last - first, 1)
@@ -195,7 +196,7 @@ def _found_ends(
                 x, slope = x_mm[a], fan.slope[a, b] + du * pitch * cells
                 if dp != 0:
                     x = 0.5 * (x + x_mm[a + dp * int(2.0 * cells)])
-                    if x == x_mm[a]:
+                    if abs(x - x_mm[a]) <= least_mm:
                         continue
                 _foot(fan, plane, x, slope, beyond[n])
                 if not np.isfinite(point[n, 2] + beyond[n, 2]):

@@ -184,7 +184,7 @@ def _about_centroid(
 def _beam_area(fan: Fan) -> float:
     """What a beam stands for in profile spacing times slope, on average.
 
-    Wide gaps do not count as seen; of nearly constant spacing and slopes the mean will do.
+    A gap wider than the usual one counts as that; of nearly constant ones the mean will do.
     """
     low, high, seen = np.inf, -np.inf, 0.0
     for u in range(fan.column_slope.size):

@@ -197,7 +197,7 @@ def _bridged(
 
 @compiled
 def _nearest_profiles(fan: Fan) -> tuple[IndexArray, float, float]:
-    """As _nearest, -1 where no profile is near."""
+    """As _nearest, -1 far from all profiles; cells end half a usual gap beyond the outermost."""
     low, high = fan.x_mm.min() - 0.5 * fan.gap_mm, fan.x_mm.max() + 0.5 * fan.gap_mm
     cells, most = 0, MOST_CELLS_PER_BEAM * fan.x_mm.size
     if fan.gap_mm > 0.0:

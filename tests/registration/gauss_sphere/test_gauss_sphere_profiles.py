@@ -20,6 +20,7 @@ from plane_scans import (
 from registration import Scan, register
 from registration.gauss_sphere.beams import _usual_gap, fan_of
 from registration.gauss_sphere.evidence import patch_of_points
+from registration.gauss_sphere.outlines import ends_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.view import NEAREST
@@ -85,11 +86,16 @@ def standing(plates: Plates, rng: np.random.Generator) -> Scan:
     return Scan.from_points(points_mm, 5.0, apex_mm=scans[0].apex_mm)
 
 
-def stop_and_go(plates: Plates, rng: np.random.Generator) -> Scan:
+def stop_and_go(plates: Plates, rng: np.random.Generator, trembling_mm: float = 0.0) -> Scan:
     """Each place is measured four times."""
-    scans = [scan_plates(plates, noise=1.0, rng=rng) for _ in range(4)]
+    scans = [scan_plates(plates, step_mm=5.1, noise=1.0, rng=rng) for _ in range(4)]
     points_mm = np.stack([scan.points_mm for scan in scans], axis=1).reshape(-1, 256, 3)
-    return Scan.from_points(points_mm, 5.0, apex_mm=scans[0].apex_mm)
+    points_mm[..., 0] += rng.uniform(-trembling_mm, trembling_mm, (len(points_mm), 1))
+    return Scan.from_points(points_mm, 5.1 / 4.0, apex_mm=scans[0].apex_mm)
+
+
+def trembling(plates: Plates, rng: np.random.Generator) -> Scan:
+    return stop_and_go(plates, rng, trembling_mm=0.01)
 
 
 def with_one_astray(plates: Plates, rng: np.random.Generator) -> Scan:
@@ -107,7 +113,7 @@ def backwards(plates: Plates, rng: np.random.Generator) -> Scan:
     return Scan.from_points(points_mm, 5.0)
 
 
-@pytest.mark.parametrize("scanned", [standing, stop_and_go, with_one_astray, backwards])
+@pytest.mark.parametrize("scanned", [standing, stop_and_go, trembling, with_one_astray, backwards])
 @pytest.mark.parametrize("seed", range(3))
 def test_motions_of_other_kinds_are_taken(
     scanned: Callable[[Plates, np.random.Generator], Scan], seed: int
@@ -136,6 +142,20 @@ def test_motions_of_other_kinds_are_taken(
 )
 def test_the_usual_gap(x_mm: np.ndarray, gap_mm: float) -> None:
     assert _usual_gap(x_mm.astype(np.float64)) == pytest.approx(gap_mm)
+
+
+@pytest.mark.parametrize("trembling_mm", [0.0, 0.01])
+def test_faces_end_between_places_not_between_profiles_of_one_place(trembling_mm: float) -> None:
+    rng = np.random.default_rng(35)
+    view = describe(stop_and_go(random_clutter(rng), rng, trembling_mm), DEFAULTS)
+    how = DEFAULTS.outlines
+    ends = ends_of(view.fan, view.patches, how.behind_mm, how.missing_pixels, 1)
+    across = abs(ends.outward[:, 0]) > 0.01
+    assert across.sum() > 20
+    np.testing.assert_allclose(np.linalg.norm(ends.outward, axis=1), 1.0)
+    # Half-way to the next place, though not of one that is measured later.
+    nearest_mm = abs(ends.point_mm[across, :1] - 5.1 * np.arange(60)).min(axis=1)
+    assert (nearest_mm > 2.5).all()
 
 
 def test_a_profile_without_a_return_is_as_one_not_taken() -> None:
