@@ -18,6 +18,7 @@ from registration.scan import BoolArray, FloatArray, Scan
 PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
 PARALLEL = 1e-6  # of the largest singular value of the lines' equations, their least
 APEX_PROFILES = 40  # of a longer scan, for the apex
+ONE_PLACE = 0.1  # of the usual gap: profiles nearer to each other are of one place
 NARROW_SHARE = 0.05  # of the way between profiles lies in gaps narrower than the least usual one
 USUAL_GAPS = 6.0  # times as wide: where half of the profiles were lost at random, few are wider
 

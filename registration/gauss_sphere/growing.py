@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.gauss_sphere.beams import Fan
+from registration.gauss_sphere.beams import ONE_PLACE, Fan
 from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.points import Grouped, grouped
 from registration.gauss_sphere.segments import Segments
@@ -41,7 +41,8 @@ def _grown(
 ) -> Grouped:
     reach_mm = (bridge + 0.5) * fan.gap_mm
     owner = _grow(segments, fan.x_mm, gain, tolerance, max_tilt, bridge, reach_mm)
-    n_patches = _keep_large(segments, owner, min_points, min_profiles)
+    least_mm = ONE_PLACE * fan.gap_mm
+    n_patches = _keep_large(segments, owner, fan.x_mm, least_mm, min_points, min_profiles)
     return grouped(segments, owner, n_patches, fan.depth_mm, edge_pixels)
 
 
@@ -149,16 +150,27 @@ def _grow(
 
 
 @compiled
-def _keep_large(segments: Segments, owner: IntArray, min_points: int, min_profiles: int) -> int:
-    """Number the patches that are large enough, all others -1."""
+def _keep_large(
+    segments: Segments,
+    owner: IntArray,
+    x: FloatArray,
+    least_mm: float,
+    min_points: int,
+    min_profiles: int,
+) -> int:
+    """Number the patches that are large enough, all others -1.
+
+    least_mm: profiles nearer to each other count as one: a plane needs several places.
+    """
     n = owner.size
     points, profiles = np.zeros(n, np.int64), np.zeros(n, np.int64)
     latest, number = np.full(n, -1), np.full(n, -1)
     for i in range(n):
         points[owner[i]] += segments.n_points[i]
         # Segments come profile by profile.
-        if latest[owner[i]] != segments.profile[i]:
-            latest[owner[i]] = segments.profile[i]
+        p, last = segments.profile[i], latest[owner[i]]
+        if last < 0 or abs(x[p] - x[last]) > least_mm:
+            latest[owner[i]] = p
             profiles[owner[i]] += 1
     kept = 0
     for i in range(n):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from registration.gauss_sphere.beams import Fan
+from registration.gauss_sphere.beams import ONE_PLACE, Fan
 from registration.gauss_sphere.params import OutlineParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.gauss_sphere.view import View
@@ -22,7 +22,6 @@ SIDES = 4  # higher and lower pixels, later and earlier profiles
 GRAZING = 0.05  # a beam that meets a plane at less (cosine, times its slant) says too little
 MOST_MIXED = 2  # points between the face and what is behind it
 MOST_MISSING_PROFILES = 2
-LEAST_END_GAP = 0.1  # of the usual between profiles, to the middle: nearer ones are of one place
 WIDEST_END_GAP = 1.5  # of the usual between profiles: in a wider one a face may end anywhere
 LEAST_NEIGHBOURS, NEAR_PROFILES = 5, 6
 LEAST_OUTWARD = 0.3  # cosine between the step out of the face and across the outline
@@ -167,7 +166,7 @@ def _found_ends(
     label, rows, columns = patches.label, patches.label.shape[0], patches.label.shape[1]
     # One by one: handing over the fan costs a count of references to each of its arrays.
     depth, slopes, sigma, x_mm = fan.depth_mm, fan.slope, fan.sigma_mm, fan.x_mm
-    least_mm, widest_mm = LEAST_END_GAP * fan.gap_mm, WIDEST_END_GAP * fan.gap_mm
+    least_mm, widest_mm = ONE_PLACE * fan.gap_mm, WIDEST_END_GAP * fan.gap_mm
     planes, known = planes_in_beams(fan, patches), np.flatnonzero(np.isfinite(fan.column_slope))
     first, last = known[0], known[-1]
     pitch = (fan.column_slope[last] - fan.column_slope[first]) / max(last - first, 1)

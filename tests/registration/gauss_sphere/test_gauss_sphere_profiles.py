@@ -114,7 +114,7 @@ def backwards(plates: Plates, rng: np.random.Generator) -> Scan:
 
 
 @pytest.mark.parametrize("scanned", [standing, stop_and_go, trembling, with_one_astray, backwards])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1, 9, 11])
 def test_motions_of_other_kinds_are_taken(
     scanned: Callable[[Plates, np.random.Generator], Scan], seed: int
 ) -> None:
