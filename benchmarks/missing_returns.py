@@ -14,8 +14,9 @@ limit_threads()
 
 import argparse  # noqa: E402
 from collections import Counter  # noqa: E402
-from collections.abc import Callable, Iterator  # noqa: E402
+from collections.abc import Callable, Mapping, Sequence  # noqa: E402
 from dataclasses import replace  # noqa: E402
+from functools import partial  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
@@ -78,8 +79,9 @@ CASES: dict[str, Missing] = {
 }
 
 
-def without(scan: Scan, missing: NDArray[np.bool_]) -> Scan:
-    return replace(scan, points_mm=np.where(missing[..., None], np.nan, scan.points_mm))
+def without(missing: Missing, scan: Scan, rng: np.random.Generator) -> Scan:
+    taken_away = missing(scan.points_mm.shape[:2], rng)[..., None]
+    return replace(scan, points_mm=np.where(taken_away, np.nan, scan.points_mm))
 
 
 def judged(scans: list[Scan], T_exact: RigidTransform) -> str:
@@ -96,40 +98,42 @@ def judged(scans: list[Scan], T_exact: RigidTransform) -> str:
     return "right" if exact else "inexact" if close else "wrong"
 
 
-def pairs_of_views(
-    pairs: int, seed: int, changes: list[str]
-) -> Iterator[tuple[list[Scan], RigidTransform]]:
-    """Target and source of so many pairs a family, and their exact pose."""
-    number = [f"families.{family}.pairs={pairs}" for family in FAMILIES]
-    experiment = load_experiment(
-        CONFIG, [*number, "methods=[{name: gauss_sphere}]", *changes], seed
-    )
-    for trial in build_random_trials(experiment, CONFIG):
+def count_outcomes(
+    description: str,
+    seed: int,
+    heading: str,
+    cases: Mapping[str, Callable[[Scan, np.random.Generator], Scan]],
+    changes: Sequence[str] = (),
+) -> None:
+    """Print how pairs of views come out whose scans are changed as each case says.
+
+    seed: where the command line names no other. changes: of the config.
+    """
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser.add_argument("--pairs", type=int, default=20, help="of each family")
+    parser.add_argument("--seed", type=int, default=seed)
+    options = parser.parse_args()
+    pairs = [f"families.{family}.pairs={options.pairs}" for family in FAMILIES]
+    overrides = [*pairs, "methods=[{name: gauss_sphere}]", *changes]
+    counts = {case: Counter[str]() for case in cases}
+    trials = build_random_trials(load_experiment(CONFIG, overrides, options.seed), CONFIG)
+    for number, trial in enumerate(trials):
         spec = full_spec(trial)
         scans = [scan_view(spec, view) for view in (spec.target, spec.source)]
-        yield scans, exact_pose(spec.path(spec.target), spec.path(spec.source))
-
-
-def print_counts(counts: dict[str, Counter[str]], heading: str) -> None:
+        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        for case, changed in cases.items():
+            rng = np.random.default_rng([options.seed, number])
+            counts[case][judged([changed(scan, rng) for scan in scans], T_exact)] += 1
     rows = [
         [case, count.total(), *(count[name] for name in OUTCOMES)] for case, count in counts.items()
     ]
     print(tabulate(rows, [heading, "pairs", *OUTCOMES], "github"))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--pairs", type=int, default=20, help="of each family")
-    parser.add_argument("--seed", type=int, default=20105)
-    options = parser.parse_args()
-    counts = {case: Counter[str]() for case in CASES}
-    for number, (scans, T_exact) in enumerate(pairs_of_views(options.pairs, options.seed, [])):
-        for case, missing in CASES.items():
-            rng = np.random.default_rng([options.seed, number])
-            thinned = [without(scan, missing(scan.points_mm.shape[:2], rng)) for scan in scans]
-            counts[case][judged(thinned, T_exact)] += 1
-    print_counts(counts, "missing")
-
-
 if __name__ == "__main__":
-    main()
+    count_outcomes(
+        __doc__,
+        20105,
+        "missing",
+        {case: partial(without, missing) for case, missing in CASES.items()},
+    )

@@ -12,12 +12,11 @@ from harness.threads import limit_threads
 
 limit_threads()
 
-import argparse  # noqa: E402
-from collections import Counter  # noqa: E402
 from collections.abc import Callable  # noqa: E402
+from functools import partial  # noqa: E402
 
 import numpy as np  # noqa: E402
-from missing_returns import judged, pairs_of_views, print_counts  # noqa: E402
+from missing_returns import count_outcomes  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
 from registration import Scan  # noqa: E402
@@ -55,26 +54,17 @@ CASES: dict[str, Taken] = {
 }
 
 
-def thinned_to(scan: Scan, profiles: NDArray[np.int64]) -> Scan:
+def thinned(taken: Taken, scan: Scan, rng: np.random.Generator) -> Scan:
+    profiles = taken(rng)
     step_mm = STEP_MM * np.ptp(profiles) / (profiles.size - 1)
     return Scan.from_points(scan.points_mm[profiles], step_mm, apex_mm=scan.apex_mm)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--pairs", type=int, default=20, help="of each family")
-    parser.add_argument("--seed", type=int, default=20106)
-    options = parser.parse_args()
-    counts = {case: Counter[str]() for case in CASES}
-    dense = [f"scan.profiles={PROFILES}", f"scan.step_mm={STEP_MM}"]
-    pairs = pairs_of_views(options.pairs, options.seed, dense)
-    for number, (scans, T_exact) in enumerate(pairs):
-        for case, taken in CASES.items():
-            rng = np.random.default_rng([options.seed, number])
-            thinned = [thinned_to(scan, taken(rng)) for scan in scans]
-            counts[case][judged(thinned, T_exact)] += 1
-    print_counts(counts, "profiles")
-
-
 if __name__ == "__main__":
-    main()
+    count_outcomes(
+        __doc__,
+        20106,
+        "profiles",
+        {case: partial(thinned, taken) for case, taken in CASES.items()},
+        [f"scan.profiles={PROFILES}", f"scan.step_mm={STEP_MM}"],
+    )

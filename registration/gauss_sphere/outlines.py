@@ -1,8 +1,7 @@
 """Where planes end in free space: the outlines of their faces, as a view sees them.
 
 A face that ends before something farther away ends there for every view. A plane does not tell
-where along itself it is seen; its outline does. Where a face ends because something nearer hides
-the rest, the view says nothing.
+where along itself it is seen; its outline does. What something nearer hides is not known.
 """
 
 from __future__ import annotations

@@ -251,13 +251,8 @@ def beams_at(seen: Seen, points: FloatArray, beam: IntArray) -> None:
     along, across, pixels = profile_of.size, pixel_of.size, seen.pixels
     apex_y, apex_z, lean_y, lean_z = seen.apex_y_mm, seen.apex_z_mm, seen.lean_y, seen.lean_z
     xs, ys, zs, depth, row, column = (
-        points[0],
-        points[1],
-        points[2],
-        points[3],
-        points[4],
-        points[5],
-    )
+        points[0], points[1], points[2], points[3], points[4], points[5],
+    )  # fmt: skip
     # First where, then what is there: the first loop runs on vectors of points.
     for j in range(beam.size):
         x, z = xs[j], zs[j] - lean_z * xs[j] - apex_z
