@@ -202,6 +202,8 @@ def draw_calibration(rows: pd.DataFrame) -> Figure | None:
 
 def draw_times(rows: pd.DataFrame) -> Figure | None:
     """Distribution of the time of a registration, by method."""
+    if "ms_registration" not in rows:  # every trial ended in an error
+        return None
     legend_in = _legend_in(rows)
     figure = new_figure(
         "How long does a registration take?\nShare of pairs that are done after that time, with "

@@ -205,6 +205,8 @@ def _fixed(
         information_of(of_target, there, gate_mm, how.on_mm, how.line_mm, information, gradient)
         if done < ROUNDS:
             curved = sure + information
+            if (np.diag(curved) <= 0.0).any():  # neither planes nor outlines say anything of it
+                return pose
             curved += BARELY * np.diag(np.diag(curved))
             # The planes go on pulling to where they had the pose.
             step[:] = -np.linalg.solve(curved, gradient + sure @ whole)

@@ -11,13 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from registration.gauss_sphere.apex import PARALLEL_APEX_MM, find_apex
 from registration.gauss_sphere.depth_noise import MIN_SIGMA_MM, depth_noise
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray, Scan
 
-PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
-PARALLEL = 1e-6  # of the largest singular value of the lines' equations, their least
-APEX_PROFILES = 40  # of a longer scan, for the apex
+FEW_BEHIND = 0.02  # of the points: so many behind the apex are outliers, more say that it is none
+SCENE_SAMPLE = 1000  # points that tell between which depths a scene lies
+FAR_OFF = 10.0  # times the usual distance from the middle one
+FAR_OFF_MM, FAR_OFF_SHARE = 500.0, 0.5  # and so far, and such a share of the middle depth, besides
+PROFILE_MM = 20.0  # within which X of a profile's points lies, but for outliers
+LEAST_RETURNS = 4  # fewer lie on no line that could be told from noise
 ONE_PLACE = 0.1  # of the usual gap: profiles nearer to each other are of one place
 NARROW_SHARE = 0.05  # of the way between profiles lies in gaps narrower than the least usual one
 USUAL_GAPS = 6.0  # times as wide: where half of the profiles were lost at random, few are wider
@@ -26,8 +30,9 @@ USUAL_GAPS = 6.0  # times as wide: where half of the profiles were lost at rando
 class Fan(NamedTuple):
     """The beams of one view, each in the frame of its own profile.
 
-    Profiles need not be evenly spaced. Those without a return are left out, but for the ones before
-    the first and after the last that has any.
+    Profiles need not be evenly spaced. Those with next to no return are left out, but for the ones
+    before the first and after the last that has more. So are points that lie where no scene does:
+    a mark of no return may be a number, and a wild one must not decide where the beams meet.
 
     x_mm: (profiles,) position of each profile; gap_mm: the usual gap between them.
     apex_mm: (3,) of the first profile, its x included in x_mm.
@@ -56,6 +61,9 @@ def fan_of(scan: Scan) -> Fan:
     kept = profiles_in_fan(scan)
     # Arrays of one kind for every scan, an unpickled one, too: loops are compiled for each kind.
     points_mm = scan.points_mm.view() if kept.all() else scan.points_mm[kept]
+    marks = _in_sensor(points_mm)
+    if marks.any():
+        points_mm = np.where(marks[..., None], np.nan, points_mm)
     points_mm.setflags(write=False)
     apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
     lean = scan.travel[1:] / scan.travel[0]
@@ -63,32 +71,96 @@ def fan_of(scan: Scan) -> Fan:
 
 
 def profiles_in_fan(scan: Scan) -> BoolArray:
-    """(profiles,) False for those of a scan, between others, in which nothing returned."""
-    kept, measured = np.ones(len(scan.points_mm), np.bool_), np.flatnonzero(scan.valid.any(axis=1))
+    """(profiles,) False for those of a scan, between others, in which next to nothing returned."""
+    number = np.count_nonzero(scan.valid & ~_in_sensor(scan.points_mm), axis=1)
+    kept, measured = np.ones(number.size, np.bool_), np.flatnonzero(number >= LEAST_RETURNS)
     if measured.size:
         kept[measured[0] : measured[-1]] = False
         kept[measured] = True
     return kept
 
 
+def _in_sensor(points_mm: FloatArray) -> BoolArray:
+    """(profiles, pixels) where points are exactly Y = Z = 0: so many programs mark no return."""
+    at_zero: BoolArray = points_mm[..., 2] == 0.0
+    return at_zero & (points_mm[..., 1] == 0.0) if at_zero.any() else at_zero
+
+
+def seems_turned_around(fan: Fan) -> bool:
+    """Whether the beams seem to meet beyond the points, as where Z is height in place of depth."""
+    if fan.apex_mm[2] > -PARALLEL_APEX_MM:
+        return False
+    points = np.empty((*fan.depth_mm.shape, 3))
+    points[..., 0] = fan.x_mm[:, None]
+    points[..., 1] = fan.slope * fan.depth_mm
+    points[..., 2] = PARALLEL_APEX_MM - fan.depth_mm
+    points.setflags(write=False)  # an array of the kind that the loop is compiled for
+    return bool(find_apex(points, np.isfinite(fan.depth_mm), np.zeros(2))[2] > -PARALLEL_APEX_MM)
+
+
 @compiled
 def _fan(points: FloatArray, step: float, apex_mm: FloatArray, lean: FloatArray) -> Fan:
     """The fan of a scan whose apex (3,) is NaN where it is to be estimated."""
-    unknown = np.isnan(apex_mm).any()
+    unknown, usable = np.isnan(apex_mm).any(), _usable(points)
     if unknown:
-        apex_mm = _apex(points, lean)
+        apex_mm = find_apex(points, usable, lean)
     rows, columns = points.shape[:2]
     x_mm, column_slope = np.empty(rows), np.empty(columns)
     slope, depth_mm = np.empty((rows, columns)), np.empty((rows, columns))
-    if _take_beams(points, apex_mm, lean, x_mm, slope, depth_mm, column_slope) and unknown:
+    measured = x_mm, slope, depth_mm, column_slope
+    behind = _take_beams(points, usable, apex_mm, lean, *measured)
+    if unknown and behind > FEW_BEHIND * np.isfinite(depth_mm).sum():
         apex_mm = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
-        _take_beams(points, apex_mm, lean, x_mm, slope, depth_mm, column_slope)
+        _take_beams(points, usable, apex_mm, lean, *measured)
     gap_mm = _usual_gap(x_mm[np.isfinite(x_mm)])
     _place_unseen(x_mm, gap_mm if gap_mm > 0.0 else step)
     _fill_between(column_slope)
     sigma_mm = np.empty((rows, columns))
     _take_noise(depth_mm, sigma_mm, *depth_noise(depth_mm, slope))
     return Fan(x_mm, gap_mm, apex_mm, slope, depth_mm, sigma_mm, column_slope, lean)
+
+
+@compiled
+def _usable(points: FloatArray) -> BoolArray:
+    """(profiles, pixels) whether a point may lie where its profile was taken and the scene is."""
+    low_z, high_z = _scene_depths(points)
+    usable = np.empty(points.shape[:2], np.bool_)
+    for p in range(points.shape[0]):
+        low_x, high_x = _along_profile(points[p, :, 0])
+        for u in range(points.shape[1]):
+            x, _, z = points[p, u]
+            usable[p, u] = (low_x <= x <= high_x) & (low_z <= z <= high_z)
+    return usable
+
+
+@compiled
+def _scene_depths(points: FloatArray) -> tuple[float, float]:
+    """Between which depths a scene lies: about the middle one, as some of its points have it."""
+    rows, columns = points.shape[:2]
+    stride = max(rows * columns // SCENE_SAMPLE, 1) | 1  # odd, to meet all pixels
+    sample = points.reshape(-1, 3)[::stride, 2]
+    # A mark of no return is the least or the largest number, and there may be many of it.
+    sample = sample[(sample > np.nanmin(sample)) & (sample < np.nanmax(sample))]
+    if sample.size == 0:
+        return -np.inf, np.inf
+    middle = np.median(sample)
+    usual = np.median(np.abs(sample - middle))
+    reach = FAR_OFF * usual + FAR_OFF_MM + FAR_OFF_SHARE * abs(middle)
+    return middle - reach, middle + reach
+
+
+@compiled
+def _along_profile(x: FloatArray) -> tuple[float, float]:
+    """Between which X the points of a profile (pixels,) lie, NaN where nothing returned."""
+    low, high = np.inf, -np.inf
+    for u in range(x.size):
+        low = x[u] if x[u] < low else low
+        high = x[u] if x[u] > high else high
+    if high - low <= PROFILE_MM:
+        return low, high
+    middle = np.nanmedian(x)
+    reach = FAR_OFF * np.nanmedian(np.abs(x - middle)) + PROFILE_MM
+    return middle - reach, middle + reach
 
 
 @compiled
@@ -145,6 +217,7 @@ def _fill_between(value: FloatArray) -> None:
 @compiled
 def _take_beams(
     points: FloatArray,
+    usable: BoolArray,
     apex_mm: FloatArray,
     lean: FloatArray,
     x_mm: FloatArray,
@@ -152,7 +225,7 @@ def _take_beams(
     depths: FloatArray,
     column_slope: FloatArray,
 ) -> int:
-    """Fill in the last four: NaN, slopes 0, where nothing returned.
+    """Fill in the last four: NaN, slopes 0, where nothing usable returned.
 
     Returns how many points lie behind the apex, where no beam can be.
     """
@@ -161,8 +234,10 @@ def _take_beams(
     for p in range(points.shape[0]):
         first, x, n = 0.0, 0.0, 0
         for u in range(points.shape[1]):
-            depth = points[p, u, 2] - lean[1] * points[p, u, 0] - apex_mm[2]
             depths[p, u], slopes[p, u] = np.nan, 0.0
+            if not usable[p, u]:
+                continue
+            depth = points[p, u, 2] - lean[1] * points[p, u, 0] - apex_mm[2]
             if depth > 0.0:
                 aside = points[p, u, 1] - lean[0] * points[p, u, 0] - apex_mm[1]
                 slope = aside / depth
@@ -174,7 +249,7 @@ def _take_beams(
                 n += 1
                 sums[u] += slope
                 seen[u] += 1.0
-            elif depth <= 0.0:
+            else:
                 behind += 1
         x_mm[p] = first + x / n if n > 0 else np.nan
     for u in range(points.shape[1]):
@@ -187,86 +262,3 @@ def _take_noise(depth: FloatArray, sigma: FloatArray, constant: float, square: f
     for p in range(depth.shape[0]):
         for u in range(depth.shape[1]):
             sigma[p, u] = max(constant + square * depth[p, u] ** 2, MIN_SIGMA_MM)
-
-
-@compiled
-def _apex(points: FloatArray, lean: FloatArray) -> FloatArray:
-    """Find where the beams meet from points whose noise lies along their beam.
-
-    A pixel's points satisfy y = apex_y + s (z - apex_z) in all profiles; the intercepts of these
-    lines over their slopes give the apex. Scans too flat to tell get nearly parallel beams.
-    """
-    stride = max(points.shape[0] // APEX_PROFILES, 1)
-    pixels = _pixel_lines(points, lean, stride)
-    parallel = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
-    n = pixels.n.size
-    slope, intercept, weight = np.empty(n), np.empty(n), np.zeros(n)
-    used = 0
-    for u in range(n):
-        spread, shared = pixels.spread[u], pixels.shared[u]
-        # Below 5 mm of relief a slope is mostly rounding; marks of no return may overflow.
-        if pixels.n[u] >= 3 and spread > 25.0 * pixels.n[u] and np.isfinite(spread + shared):
-            slope[used] = shared / spread
-            intercept[used] = pixels.mean_y[u] - slope[used] * pixels.mean_z[u]
-            weight[used] = spread
-            used += 1
-    if used < 8:
-        return parallel
-    slope, intercept, weight = slope[:used], intercept[:used], weight[:used]
-    total = weight.sum()
-    mean_slope = (weight * slope).sum() / total
-    mean_intercept = (weight * intercept).sum() / total
-    slope -= mean_slope
-    spread, shared = (weight * slope * slope).sum(), (weight * slope * intercept).sum()
-    squares = total * (1.0 + mean_slope * mean_slope) + spread
-    if total * spread <= (PARALLEL * squares) ** 2:
-        return parallel
-    z = -shared / spread
-    return parallel if z >= pixels.least_z else np.array([0.0, mean_intercept + mean_slope * z, z])
-
-
-class _PixelLines(NamedTuple):
-    """Sums over some profiles of what each pixel measured, (pixels,), in mm.
-
-    n: number of points; mean_y, mean_z: their means; spread, shared: sums of dz^2 and dy dz about
-    them.  least_z: the least depth of these points.
-    """
-
-    n: FloatArray
-    mean_y: FloatArray
-    mean_z: FloatArray
-    spread: FloatArray
-    shared: FloatArray
-    least_z: float
-
-
-@compiled
-def _pixel_lines(points: FloatArray, lean: FloatArray, stride: int) -> _PixelLines:
-    """The lines of all pixels, from every stride-th profile."""
-    n_pixels = points.shape[1]
-    n, first_y, first_z = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
-    sum_y, sum_z, sum_zz, sum_yz = np.zeros((4, n_pixels))
-    least_z = np.inf
-    for p in range(0, points.shape[0], stride):
-        for u in range(n_pixels):
-            x, y, z = points[p, u]
-            if not np.isfinite(z):
-                continue
-            y, z = y - lean[0] * x, z - lean[1] * x
-            least_z = min(least_z, z)
-            if n[u] == 0.0:
-                first_y[u], first_z[u] = y, z
-            # About the first of a pixel's points, so that small spreads keep their digits.
-            dy, dz = y - first_y[u], z - first_z[u]
-            n[u] += 1.0
-            sum_y[u] += dy
-            sum_z[u] += dz
-            sum_zz[u] += dz * dz
-            sum_yz[u] += dy * dz
-    mean_y, mean_z = np.empty(n_pixels), np.empty(n_pixels)
-    for u in range(n_pixels):
-        dy, dz = sum_y[u] / max(n[u], 1.0), sum_z[u] / max(n[u], 1.0)
-        mean_y[u], mean_z[u] = first_y[u] + dy, first_z[u] + dz
-        sum_zz[u] -= dz * sum_z[u]
-        sum_yz[u] -= dy * sum_z[u]
-    return _PixelLines(n, mean_y, mean_z, sum_zz, sum_yz, least_z)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from registration.gauss_sphere.matching import Settled
-from registration.gauss_sphere.open_directions import NOTHING_OPEN, uncertainty
+from registration.gauss_sphere.open_directions import NOTHING_OPEN, is_elsewhere, uncertainty
 from registration.gauss_sphere.params import DecisionParams
 from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.verification import CONTRADICTION, SUPPORT
@@ -44,14 +44,16 @@ def judge(
     if against:
         return Verdict("failed", against, "verification")
     covariance, open_directions, reason = uncertainty(best, best.sure, target, params)
-    if open_directions.shape[0]:
-        return Verdict("underdetermined", reason, "scene", undetermined=open_directions)
     rivals = [
         p
         for p in ranked[1:]
         if (appeal and p.score > params.repeat_share * best.score)
         or is_rival(p, best, target, params)
     ]
+    if open_directions.shape[0]:
+        others = [p for p in rivals if is_elsewhere(p, best, open_directions, target, params)]
+        besides = _others(best, others)
+        return Verdict("underdetermined", reason + besides, "scene", undetermined=open_directions)
     return questioned(covariance, best, rivals) if rivals else Verdict("ok", covariance=covariance)
 
 
@@ -65,6 +67,15 @@ def questioned(covariance: FloatArray | None, best: Settled, rivals: list[Settle
         "decision",
         covariance,
     )
+
+
+def _others(best: Settled, rivals: list[Settled]) -> str:
+    """What to say besides of other poses that fit about as well, the best of them first."""
+    if not rivals:
+        return ""
+    number = f"{len(rivals)} other poses fit" if len(rivals) > 1 else "another pose fits"
+    share = rivals[0].score / best.score
+    return f"; besides, {number} about equally well, with {share:.0%} of the score of the first"
 
 
 def shortcoming(best: Settled, target: View, source: View, params: DecisionParams) -> str:

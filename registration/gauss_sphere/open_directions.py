@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from registration.gauss_sphere.holding import middle_of_pairs
 from registration.gauss_sphere.matching import Settled
@@ -55,6 +56,25 @@ def open_units(pose: Settled, target: View, params: DecisionParams) -> FloatArra
 def centre_of(pose: Settled, target: View) -> FloatArray:
     """(3,) middle in mm of the surface that a pose matches, in the target's frame."""
     return middle_of_pairs(target.patches, pose.pairs)
+
+
+def is_elsewhere(
+    pose: Settled, best: Settled, directions: FloatArray, target: View, params: DecisionParams
+) -> bool:
+    """Whether a pose differs from the best one by more than a motion along open directions (k, 6).
+
+    A large turn is taken for one about its axis, however far it goes.
+    """
+    turn = Rotation.from_matrix(pose.rotation @ best.rotation.T)
+    step = np.concatenate([turn.as_rotvec(), pose.shift_mm - turn.apply(best.shift_mm)])
+    units = open_units(best, target, params)
+    step, along = np.linalg.solve(units, step), np.linalg.solve(units, directions.T)
+    along /= np.linalg.norm(along, axis=0)
+    step -= along @ (along.T @ step)  # they are at right angles in these units
+    return bool(
+        np.linalg.norm(step[:3]) * params.open_rad > params.distinct_rad
+        or np.linalg.norm(step[3:]) * params.open_mm > params.distinct_mm
+    )
 
 
 @compiled

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from registration.gauss_sphere.ranges import Checked
+
 
 @dataclass(frozen=True)
-class SegmentParams:
+class SegmentParams(Checked):
     """Straight pieces of a profile.
 
     cliff_mm: depth step between neighbouring points that always ends a piece (thesis: CLIFF).
@@ -30,7 +32,7 @@ class SegmentParams:
 
 
 @dataclass(frozen=True)
-class PatchParams:
+class PatchParams(Checked):
     """Planes grown over the profiles and fitted to their points.
 
     join_gain: chi-square that joining a segment to a patch, or two patches, may cost.
@@ -59,7 +61,7 @@ class PatchParams:
 
 
 @dataclass(frozen=True)
-class RotationParams:
+class RotationParams(Checked):
     """Rotation candidates from pairs of directions.
 
     close_rad: patches of directions closer together are one direction (thesis: CloseNormal).
@@ -82,7 +84,7 @@ class RotationParams:
 
 
 @dataclass(frozen=True)
-class TranslationParams:
+class TranslationParams(Checked):
     """Translation candidates from pairs of planes.
 
     patches: only so many of each view, of the largest area, are paired.
@@ -122,7 +124,7 @@ class WideParams(TranslationParams):
 
 
 @dataclass(frozen=True)
-class RefineParams:
+class RefineParams(Checked):
     """Maximum likelihood over pairs of planes.
 
     rounds: most steps; tail: squared distance at which a pair's pull is halved.
@@ -147,7 +149,7 @@ class RefineParams:
 
 
 @dataclass(frozen=True)
-class VerificationParams:
+class VerificationParams(Checked):
     """Comparison of a pose with the space that both views saw.
 
     samples: points of each view that are compared.
@@ -175,7 +177,7 @@ class VerificationParams:
 
 
 @dataclass(frozen=True)
-class MatchParams:
+class MatchParams(Checked):
     """Planes matched under a pose, stage by stage.
 
     tolerances_mm: distance within which a point lies on the other view's plane; floors_mm:
@@ -190,7 +192,7 @@ class MatchParams:
 
 
 @dataclass(frozen=True)
-class BendingParams:
+class BendingParams(Checked):
     """What is left of a bias in the scans, from how far it bends their planes.
 
     samples: points of each view that are looked at; least_points: of them, that a plane needs.
@@ -210,7 +212,7 @@ class BendingParams:
 
 
 @dataclass(frozen=True)
-class WholePlaneParams:
+class WholePlaneParams(Checked):
     """Pieces of one plane put together, when the answer has been found.
 
     distance2: squared distance (three degrees of freedom) within which pieces are of one plane.
@@ -230,7 +232,7 @@ class WholePlaneParams:
 
 
 @dataclass(frozen=True)
-class OutlineParams:
+class OutlineParams(Checked):
     """Outlines of faces, asked where planes give no answer that is "ok", or one that seems denied.
 
     behind_mm: a face ends where what comes next lies so much farther away, at most missing_pixels
@@ -272,7 +274,7 @@ class OutlineParams:
 
 
 @dataclass(frozen=True)
-class DecisionParams:
+class DecisionParams(Checked):
     """When an answer is given.
 
     least_support: share of the seen surface that must lie on the other view's; weak_support: where

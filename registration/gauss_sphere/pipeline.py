@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from registration.gauss_sphere.appeal import appealed
-from registration.gauss_sphere.beams import Fan, fan_of
+from registration.gauss_sphere.beams import Fan, fan_of, seems_turned_around
 from registration.gauss_sphere.bending import doubted, left_bias_mm
 from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import (
@@ -121,7 +121,7 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
         wide_r, wide_t, _ = pose_candidates(target.patches, source.patches, rotations, params.wide)
         shifting += perf_counter() - again
         both_r, both_t = np.concatenate([first_r, wide_r]), np.concatenate([first_t, wide_t])
-        all_of_them = replace(params.verification, ranked=both_t.shape[0])
+        all_of_them = replace(params.verification, ranked=max(len(both_t), 1))
         wide = replace(params, verification=all_of_them)
         settled = settle_best(target, source, both_r, both_t, wide)
     if not settled:
@@ -223,6 +223,11 @@ def _marks(target: View, source: View) -> tuple[str, ...]:
             notes.append(
                 f"{near} of {np.isfinite(depth_mm).sum()} points of the {name} scan lie within "
                 f"{NEAREST_MM:g} mm of Y = Z = 0: give NaN where nothing returned, lengths in mm"
+            )
+        if seems_turned_around(fan):
+            notes.append(
+                f"the farther away points of the {name} scan lie, the closer together are their "
+                "beams, as where Z is height: give depth as Z, which grows away from the sensor"
             )
         if far:
             notes.append(

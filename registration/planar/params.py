@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal
 
+from registration.checks import one_of, whole, within
 from registration.thesis.view_params import PreprocessParams, SegmentParams
 
 Refinement = Literal["none", "centroids", "lines"]
@@ -54,32 +55,16 @@ class PlanarParams:
     candidates: int = 5
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("angle_tolerance_rad", 0.0, math.pi / 4),
-            ("offset_tolerance_mm", 0.0, math.inf),
-            ("parallel_rad", 0.0, math.pi / 2),
-            ("min_overlap", 0.0, 1.0),
-            ("tie_margin", 0.0, 1.0),
-            ("tie_angle_rad", 0.0, math.pi),
-            ("tie_mm", 0.0, math.inf),
-        ):
-            value = getattr(self, name)
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not (number and math.isfinite(value) and low <= value <= high):
-                ceiling = "" if math.isinf(high) else f" and at most {high:g}"
-                raise ValueError(
-                    f"PlanarParams.{name} is {value!r}; must be at least {low:g}{ceiling}"
-                )
-        if not isinstance(self.candidates, int) or self.candidates < 0:
-            raise ValueError(
-                f"PlanarParams.candidates is {self.candidates!r}; must be a whole number from 0"
-            )
-        for name, choices in (("refinement", Refinement), ("winners", Winners)):
-            value, known = getattr(self, name), get_args(choices)
-            if value not in known:
-                raise ValueError(
-                    f"PlanarParams.{name} is {value!r}; must be one of {', '.join(known)}"
-                )
+        within(self, "angle_tolerance_rad", 0.0, math.pi / 4)
+        within(self, "offset_tolerance_mm", 0.0, math.inf)
+        one_of(self, "refinement", Refinement)
+        one_of(self, "winners", Winners)
+        within(self, "parallel_rad", 0.0, math.pi / 2)
+        within(self, "min_overlap", 0.0, 1.0)
+        within(self, "tie_margin", 0.0, 1.0)
+        within(self, "tie_angle_rad", 0.0, math.pi)
+        within(self, "tie_mm", 0.0, math.inf)
+        whole(self, "candidates", 0)
 
     @classmethod
     def thesis(cls) -> PlanarParams:

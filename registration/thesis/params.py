@@ -22,7 +22,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from registration.thesis.checks import one_of, whole, within
+from registration.checks import one_of, whole, within
 from registration.thesis.view_params import (
     MergeParams,
     PatchParams,

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from registration.thesis.checks import one_of, whole, within
+from registration.checks import one_of, whole, within
 
 LineSeed = Literal["first_points", "running"]
 SegmentOrder = Literal["index", "longest_first"]

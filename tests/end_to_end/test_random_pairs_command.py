@@ -51,3 +51,20 @@ def test_the_shipped_config_runs_and_its_rows_are_those_of_any_process(
         np.testing.assert_array_equal(here.bounds, row["bounds"])
         if here.T_estimated is not None:
             np.testing.assert_array_equal(here.T_estimated.as_matrix(), row["T_estimated"])
+
+
+def always_dies(*_: object) -> None:
+    raise RuntimeError("it died")
+
+
+def test_a_run_of_which_every_trial_dies_still_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    method = "methods=[{name: 'test_random_pairs_command:always_dies'}]"
+    out = tmp_path / "out"
+    command = [str(CONFIG), "--out", str(out), *SMALL, "--set", method, "--workers", "1"]
+    assert main(command) == 1
+    assert "it died" in capsys.readouterr().out
+    assert "it died" in (out / "tables" / "statuses.md").read_text(encoding="utf-8")

@@ -68,7 +68,7 @@ def test_marks_of_no_return_are_named_where_no_answer_is_found(mark_mm: float) -
 def test_zeros_in_place_of_no_return_are_named_where_no_answer_is_found(
     calibrated: bool, tmp_path: Path
 ) -> None:
-    points_mm = np.zeros((20, 64, 3))
+    points_mm = np.full((20, 64, 3), 1e-3)  # exact zeros are left out
     points_mm[:, :, 0] = 5.0 * np.arange(20)[:, None]
     scan = Scan.from_points(points_mm, 5.0, apex_mm=(0.0, 0.0, -60.0))
     params = calibration(1.0, tmp_path) if calibrated else GaussSphereParams()

@@ -21,7 +21,7 @@ from plane_scans import (
 from scipy.spatial.transform import RigidTransform
 
 from registration import RegistrationResult, register
-from registration.gauss_sphere.appeal import appealed
+from registration.gauss_sphere.appeal import _fixed, appealed
 from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.matching import settle_best
 from registration.gauss_sphere.open_directions import uncertainty
@@ -188,6 +188,19 @@ def test_a_bias_of_the_planes_does_not_undo_what_outlines_fix() -> None:
     assert np.linalg.slogdet(biased.sure)[1] < np.linalg.slogdet(exact.sure)[1] - 2.0
     open_directions = uncertainty(settled[0], settled[0].sure, target, params.decision)[1]
     assert len(open_directions) == 1
+
+
+def test_a_pose_of_which_nothing_is_known_stays() -> None:
+    rng = np.random.default_rng(0)
+    pair, params = pair_of(boards(rng), rng), GaussSphereParams()
+    target, source = (describe(scan, params) for scan in (pair.target, pair.source))
+    T = pair.T_target_source
+    r, t = T.rotation.as_matrix(), np.asarray(T.translation)
+    settled = settle_best(target, source, r[None], t[None], params, look_again=False)
+    outlines = outlines_of(target, params.outlines), outlines_of(source, params.outlines)
+    # Chance was larger than what its planes say, and no outlines lie on each other where it is.
+    nothing = settled[0]._replace(sure=-np.eye(6), shift_mm=t + np.array([0.0, 5e3, 0.0]))
+    assert _fixed(nothing, target, source, outlines, params) is nothing
 
 
 def test_outlines_that_repeat_themselves_do_not_fix_it() -> None:

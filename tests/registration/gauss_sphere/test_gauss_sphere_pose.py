@@ -139,6 +139,19 @@ def test_a_prism_leaves_the_shift_along_its_edges_open() -> None:
     assert "shift along" in result.reason
 
 
+def test_a_roof_turned_around_is_named_besides_the_shift_that_it_leaves_open() -> None:
+    normals = np.array([[0.0, 0.5, -1.0], [0.0, -0.5, -1.0]]) / np.hypot(0.5, 1.0)
+    centres = np.array([[150.0, 80.0, 840.0], [150.0, -80.0, 840.0]])
+    roof = plates_from(normals, centres, np.array([[400.0, 80.0 * np.hypot(1.0, 0.5)]] * 2))
+    rng = np.random.default_rng(8)
+    result = register(*(scan_plates(roof, noise=0.5, rng=rng) for _ in range(2)))
+    assert result.status == "underdetermined"
+    turns = [T.rotation.magnitude() for T in (result.T_target_source,
+             *(c.T_target_source for c in result.candidates))]  # fmt: skip
+    np.testing.assert_allclose(sorted(turns), [0.0, np.pi], atol=0.02)
+    assert "besides, another pose fits about equally well" in result.reason
+
+
 def test_a_symmetric_pyramid_is_ambiguous() -> None:
     rng = np.random.default_rng(6)
     turns = [Rotation.from_euler("z", a, degrees=True) for a in (0, 90, 180, 270)]
