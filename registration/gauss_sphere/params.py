@@ -291,7 +291,8 @@ class DecisionParams(Checked):
         have seven to nine. Rivals among these need repeat_share of the score and no more than
         plain_contradiction, and, moved along more than sure_planes, repeat_planes of them.
         turned_denied: by how much a larger share of ends of faces than of the best pose the views
-        may deny.
+        may deny. silent_planes, silent_share: where at most so many planes agree, one with such a
+        share of the score is named of which ends of faces say nothing.
     same_plane_rad, same_plane_mm: planes closer than this are pieces of one.
     rival_share: share of the best score at which another pose makes the answer ambiguous.
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a
@@ -311,6 +312,8 @@ class DecisionParams(Checked):
     appeal_planes: int = 3
     turned_planes: int = 12
     turned_denied: float = 0.1
+    silent_planes: int = 6
+    silent_share: float = 0.6
     agreeing_distance2: float = 14.0
     same_plane_rad: float = 0.03
     same_plane_mm: float = 5.0

@@ -6,6 +6,7 @@ from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.beams import Fan, fan_of, seems_turned_around
@@ -136,13 +137,16 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     if bias_mm > 0.0:
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
     settled, verdict = _judged(settled, target, source, bias_mm, params)
+    unsaid: tuple[str, ...] = ()
     if verdict.status == "ok":
-        settled, verdict = _unless_symmetric(settled, verdict, target, source, bias_mm, params)
+        settled, verdict, unsaid = _unless_symmetric(
+            settled, verdict, target, source, bias_mm, params
+        )
     if bias_mm == 0.0 and verdict.status == "ok":
         settled[0], verdict = _whole(settled[0], verdict, target, source, params)
     result, best = answered(verdict, settled, target, source), settled[0]
     about = UNFIT if params.calibration else BENT
-    notes = (about.format(bias_mm),) if bias_mm > 0.0 else ()
+    notes = ((about.format(bias_mm),) if bias_mm > 0.0 else ()) + unsaid
     planes = PlaneEvidence(target, source, best.pairs, best.distance2, params)
     stage_ms = {
         "rotation": 1e3 * (turned - started),
@@ -178,21 +182,36 @@ def _unless_symmetric(
     source: View,
     bias_mm: float,
     params: GaussSphereParams,
-) -> tuple[list[Settled], Verdict]:
+) -> tuple[list[Settled], Verdict, tuple[str, ...]]:
     """The verdict, "ambiguous" if few planes would have the best pose turned or further along, too.
 
-    Then all poses are ordered anew: another one may fit better.
+    Then all poses are ordered anew: another one may fit better. With it goes a note on a pose of
+    which the scans say nothing more than that they allow it.
     """
     decision = params.decision
-    rivals = symmetric_rivals(settled, target, source, params)
+    rivals, unsaid = symmetric_rivals(settled, target, source, params)
     alike = different([settled[0], *rivals], source, decision)
     if len(alike) == 1:
-        return settled, verdict
+        others = different([*unsaid, *settled[1:]], source, decision) if unsaid else settled[1:]
+        return [settled[0], *others], verdict, _told(settled[0], unsaid, decision.distinct_rad)
     poses = different([*alike, *settled[1:]], source, decision)
     if bias_mm > 0.0 and poses[0] is not settled[0] and poses[0].pairs.size:
         poses[0] = doubted(poses[0], target.patches, source.patches, bias_mm, params)
     covariance = covariance_of(poses[0], target, decision)
-    return poses, questioned(covariance, alike[0], alike[1:])
+    return poses, questioned(covariance, alike[0], alike[1:]), ()
+
+
+def _told(best: Settled, unsaid: list[Settled], least_rad: float) -> tuple[str, ...]:
+    if not unsaid:
+        return ()
+    turn = Rotation.from_matrix(unsaid[0].rotation @ best.rotation.T).magnitude()
+    moved_mm = np.linalg.norm(unsaid[0].shift_mm - best.shift_mm)
+    turned, share = turn > least_rad, unsaid[0].score / best.score
+    how = f"turned by {np.rad2deg(turn):.0f} degrees" if turned else f"moved by {moved_mm:.0f} mm"
+    return (
+        f"{how}, the pose fits few planes as well, on {share:.0%} of the surface, and no end of a "
+        "face says which is right: if the views may lie far apart, see the candidates",
+    )
 
 
 def _whole(

@@ -51,7 +51,7 @@ class Found(NamedTuple):
 
 def symmetric_rivals(
     settled: list[Settled], target: View, source: View, params: GaussSphereParams
-) -> list[Settled]:
+) -> tuple[list[Settled], list[Settled]]:
     """The best pose turned about the normals of its planes, where the scans allow it, best first.
 
     They do if it lays surface on surface, puts next to nothing in free space, and ends of faces
@@ -59,19 +59,24 @@ def symmetric_rivals(
     its planes, as to the next of equal things in a row, if enough planes agree there; and of the
     other settled poses, which planes alone do not allow, but ends of faces may have elsewhere. None
     is looked for where more than params.decision.turned_planes agree.
+
+    With these go, where no more than params.decision.silent_planes agree, those of which ends of
+    faces say nothing, as each view sees others: such a pose may be the true one of views that lie
+    far apart.
     """
     best, decision, how = settled[0], params.decision, params.outlines
     agreeing = agreeing_patches(best, target, decision)
     if not 0 < len(agreeing) <= decision.turned_planes:
-        return []
+        return [], []
     found = _found(settled, agreeing, target, source, params)
     if not found:
-        return []
+        return [], []
     ends = as_ends(outlines_of(target, how)), as_ends(outlines_of(source, how))
     least = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
     confirmed, denied = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
     most_denied = denied / max(confirmed + denied, how.least) + decision.turned_denied
-    enough, rivals = _enough_planes(len(agreeing), decision), []
+    enough, few = _enough_planes(len(agreeing), decision), len(agreeing) <= decision.silent_planes
+    rivals, unsaid = [], []
     for pose, along, further_along in found:
         t = pose.shift_mm.copy()
         confirmed, denied = _placed(
@@ -79,14 +84,18 @@ def symmetric_rivals(
             how.on_mm, how.behind_mm,
         )  # fmt: skip
         placed = _scored(pose._replace(shift_mm=t), target, source, params)
-        spoken_for = confirmed >= least and denied <= most_denied * (confirmed + denied)
-        if not (spoken_for and _allowed(placed, best, decision)):
+        if not _allowed(placed, best, decision):
+            continue
+        silent = confirmed + denied < how.least and denied <= most_denied * how.least
+        if few and silent and placed.score > decision.silent_share * best.score:
+            unsaid.append(placed)
+        if confirmed < least or denied > most_denied * (confirmed + denied):
             continue
         rival, n_planes = _settled(placed, best, target, source, params)
         away_mm = np.linalg.norm(placed.shift_mm - best.shift_mm)
         if not further_along or (n_planes >= enough and away_mm >= REPEATED_MM):
             rivals.append(rival)
-    return different(rivals, source, decision)
+    return different(rivals, source, decision), different(unsaid, source, decision)
 
 
 def _enough_planes(n_planes: int, params: DecisionParams) -> float:

@@ -233,11 +233,11 @@ def test_a_pose_further_along_needs_planes_and_hides_no_settled_one() -> None:
     (wrong,) = register(pair.target, pair.source).candidates
     views = views_of(pair, PARAMS)
     best = settled_at(wrong.T_target_source, views, PARAMS)
-    (other,) = (one for one in symmetric_rivals([best], *views, PARAMS) if is_at(one, pair))
+    (other,) = (one for one in symmetric_rivals([best], *views, PARAMS)[0] if is_at(one, pair))
     needed = replace(PARAMS.decision, sure_planes=0, repeat_planes=99.0)
     strict = replace(PARAMS, decision=needed)
-    assert not any(is_at(one, pair) for one in symmetric_rivals([best], *views, strict))
-    assert any(is_at(one, pair) for one in symmetric_rivals([best, other], *views, strict))
+    assert not any(is_at(one, pair) for one in symmetric_rivals([best], *views, strict)[0])
+    assert any(is_at(one, pair) for one in symmetric_rivals([best, other], *views, strict)[0])
 
 
 def rivals_of_true_poses(pairs: list[Pair], **decision: float) -> int:
@@ -247,7 +247,7 @@ def rivals_of_true_poses(pairs: list[Pair], **decision: float) -> int:
     for pair in pairs:
         views = views_of(pair, every)
         pose = settled_at(pair.T_target_source, views, every)
-        count += len(symmetric_rivals([pose], *views, every))
+        count += len(symmetric_rivals([pose], *views, every)[0])
     return count
 
 
@@ -258,3 +258,19 @@ def test_ends_of_faces_and_free_space_keep_rivals_out() -> None:
     without_both = rivals_of_true_poses(pairs, turned_denied=1.0, plain_contradiction=1.0)
     assert 3 * asked < without_ends
     assert without_ends < without_both
+
+
+def test_poses_of_which_ends_of_faces_say_nothing_are_no_rivals_but_told() -> None:
+    told = replace(PARAMS.decision, silent_planes=99, silent_share=PARAMS.decision.repeat_share)
+    mute = replace(PARAMS, outlines=replace(PARAMS.outlines, least=10**9), decision=told)
+    count = 0
+    for seed in range(8):
+        pair = tiers_from_two_sides(seed, noise=0.1)
+        views = views_of(pair, PARAMS)
+        pose = settled_at(pair.T_target_source, views, PARAMS)
+        rivals, _ = symmetric_rivals([pose], *views, PARAMS)
+        none, unsaid = symmetric_rivals([pose], *views, mute)
+        assert not none
+        assert len(unsaid) >= len(rivals)
+        count += len(rivals)
+    assert count >= 4
