@@ -14,9 +14,9 @@ MIN_TRIPLES_PER_BIN = 50
 MIN_SIGMA_MM = 0.02
 # A sensor that smooths its profiles is believed to where noise seems larger by SMOOTHED between
 # points two pixels apart than side by side: other scans reached 1.11, medians of three pixels 1.3.
-# Where it is no larger a pixel further (SETTLED), at most MOST_LAG apart, it is independent, if
-# besides as many differences side by side change sign: of independent noise 73 %, of bends few.
-SMOOTHED, SETTLED, MOST_LAG, INDEPENDENT = 1.2, 1.1, 7, 0.55
+# Where it is no larger a pixel further (SETTLED), or MOST_LAG apart, it is independent, if besides
+# as many differences side by side change sign: of independent noise 73 %, of round surfaces few.
+SMOOTHED, SETTLED, MOST_LAG, INDEPENDENT = 1.2, 1.1, 8, 0.57
 FAINT_MM = 1e-3  # rounding of numbers, no noise of a sensor
 
 
@@ -107,9 +107,9 @@ def _smoothed_by(depth: FloatArray, slope: FloatArray) -> float:
     farthest first. All of them together are the variance by which means over many points differ:
     that of the noise before it was smoothed.
     """
-    variance, lag = np.empty(MOST_LAG + 2), 1
+    variance, lag = np.empty(MOST_LAG + 1), 1
     variance[1] = max(_clipped_spread(_all_bends(depth, slope, 1)[1]), FAINT_MM) ** 2
-    while True:
+    while lag < MOST_LAG:
         further = _all_bends(depth, slope, lag + 1)[1]
         if further.size < MIN_TRIPLES_PER_BIN:
             return 1.0
@@ -118,8 +118,6 @@ def _smoothed_by(depth: FloatArray, slope: FloatArray) -> float:
         if variance[lag + 1] <= grown * grown * variance[lag]:
             break
         lag += 1
-        if lag > MOST_LAG:
-            return 1.0
     if lag == 1 or _share_of_turns(depth, slope, lag) < INDEPENDENT:
         return 1.0
     shared, total = np.zeros(2 * lag), variance[lag]
