@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from scenes.solids import Solid, box, frustum, prism, turned
 
@@ -72,20 +74,27 @@ def machine_parts(rng: np.random.Generator) -> list[Solid]:
     return [FLOOR, *parts]
 
 
+def _four_legged(size: Sequence[float], at: ArrayLike, turn: Rotation) -> list[Solid]:
+    """A table of this depth, width and height."""
+    (depth, width, height), middle = size, np.asarray(at)
+    legs = [
+        box(
+            f"leg{i}",
+            [0.02, 0.02, height],
+            middle + turn.apply([x * (depth / 2 - 0.015), y * (width / 2 - 0.015), 0.0]),
+            turn,
+        )
+        for i, (x, y) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)])
+    ]
+    top = box("top", [depth, width, 0.015], middle + np.array([0.0, 0.0, height]), turn)
+    return [top, *legs]
+
+
 def furniture(rng: np.random.Generator) -> list[Solid]:
     """The corner of a room with a table, a cabinet and a stool, along the walls or a little off."""
     turns = [turned(rng.choice([0.0, 0.0, rng.uniform(-20.0, 20.0)])) for _ in range(3)]
     depth, width, height = rng.uniform([0.15, 0.2, 0.15], [0.25, 0.35, 0.25])
     at = np.array([rng.uniform(-0.05, 0.15), rng.uniform(-0.15, 0.15), 0.0])
-    legs = [
-        box(
-            f"leg{i}",
-            [0.02, 0.02, height],
-            at + turns[0].apply([x * (depth / 2 - 0.015), y * (width / 2 - 0.015), 0.0]),
-            turns[0],
-        )
-        for i, (x, y) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)])
-    ]
     cabinet, stool = rng.uniform([0.1, 0.12, 0.2], [0.18, 0.25, 0.4]), rng.uniform(0.06, 0.12)
     picture = [0.015, *rng.uniform(0.1, 0.25, 2)]
     beside = rng.uniform(-0.3, 0.3, 3)
@@ -93,8 +102,7 @@ def furniture(rng: np.random.Generator) -> list[Solid]:
         FLOOR,
         WALL,
         box("other wall", [1.4, 0.05, 0.8], [0.0, rng.choice([-0.45, 0.45]), 0.0]),
-        box("top", [depth, width, 0.015], at + np.array([0.0, 0.0, height]), turns[0]),
-        *legs,
+        *_four_legged([depth, width, height], at, turns[0]),
         box("cabinet", cabinet, [0.28, beside[0], 0.0], turns[1]),
         box("stool", [0.1, 0.12, stool], [rng.uniform(-0.3, -0.1), beside[1], 0.0], turns[2]),
         box("picture", picture, [0.37, beside[2], rng.uniform(0.3, 0.45)]),
@@ -149,7 +157,18 @@ def open_boxes(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
+def table(rng: np.random.Generator) -> list[Solid]:
+    """A table alone, with up to three things on it: from behind it looks the same but for these."""
+    size, turn = rng.uniform([0.3, 0.4, 0.25], [0.5, 0.6, 0.4]), turned(rng.uniform(0.0, 90.0))
+    solids = [FLOOR, *_four_legged(size, np.zeros(3), turn)]
+    for i in range(rng.integers(0, 4)):
+        at = turn.apply([*rng.uniform(-0.3, 0.3, 2) * size[:2], size[2] + 0.015])
+        thing = rng.uniform(0.03, 0.12, 3)
+        solids.append(box(f"thing{i}", thing, at, turned(rng.uniform(0.0, 90.0))))
+    return solids
+
+
 EVERYDAY: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
     kind.__name__: kind
-    for kind in (bookshelf, stairs, machine_parts, furniture, houses, pipes, open_boxes)
+    for kind in (bookshelf, stairs, machine_parts, furniture, houses, pipes, open_boxes, table)
 }
