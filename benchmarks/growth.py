@@ -2,9 +2,9 @@
 
 python benchmarks/growth.py
 
-On clutter scans with all of the sensor's effects: profiles from 20 to 2000 over the same line, so
-that the scene stays the same; then scenes of ever more solids at 200 profiles. One core, least of
-five repeats.
+On clutter scans with all of the sensor's effects, calibrated: profiles from 20 to 2000 over the
+same line, so that the scene stays the same; then scenes of ever more solids at 200 profiles. One
+core, least of five repeats.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from harness.threads import limit_threads
 limit_threads()
 
 import time  # noqa: E402
+from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
 from tabulate import tabulate  # noqa: E402
@@ -26,6 +27,8 @@ from scenes.clutter import ClutterParams  # noqa: E402
 from sensors.jupiter import Jupiter  # noqa: E402
 from sensors.paths import aimed_view, straight_line  # noqa: E402
 
+CALIBRATION = Path(__file__).resolve().parents[1] / "configs" / "calibration" / "jupiter.json"
+PARAMS = GaussSphereParams(calibration=str(CALIBRATION))
 LINE_MM, REPEATS = 400.0, 5
 PROFILES = (20, 50, 100, 200, 500, 1000, 2000)
 SOLIDS = (2, 5, 10, 20, 40, 80)
@@ -46,15 +49,13 @@ def scans(solids: int, profiles: int) -> tuple[Scan, Scan]:
 
 def row(solids: int, profiles: int) -> list[float | int | str]:
     target, source = scans(solids, profiles)
-    register(target, source)
+    register(target, source, params=PARAMS)
     times_ms = []
     for _ in range(REPEATS):
         start = time.perf_counter()
-        result = register(target, source)
+        result = register(target, source, params=PARAMS)
         times_ms.append(1e3 * (time.perf_counter() - start))
-    patches = [
-        len(describe(scan, GaussSphereParams()).patches.n_points) for scan in (target, source)
-    ]
+    patches = [len(describe(scan, PARAMS).patches.n_points) for scan in (target, source)]
     points = target.n_valid + source.n_valid
     least_ms = min(times_ms)
     stages = [round(ms, 1) for ms in result.stage_ms.values()]
@@ -65,7 +66,7 @@ def row(solids: int, profiles: int) -> list[float | int | str]:
 
 
 def main() -> None:
-    stages = list(register(*scans(5, 20)).stage_ms)
+    stages = list(register(*scans(5, 20), params=PARAMS).stage_ms)
     headers = ["solids", "profiles", "points", "patches target", "source", "time (ms)",
                "ns a point", *(f"{stage} (ms)" for stage in stages), "status"]  # fmt: skip
     by_profiles = [row(14, profiles) for profiles in PROFILES]

@@ -13,10 +13,11 @@ NOISE_PROFILES = 16  # enough for the noise to a few percent
 MIN_TRIPLES_PER_BIN = 50
 MIN_SIGMA_MM = 0.02
 # A sensor that smooths its profiles is believed to where noise seems larger by SMOOTHED between
-# points two pixels apart than side by side: other scans reached 1.11, medians of three pixels 1.3.
-# Where it is no larger a pixel further (SETTLED), or MOST_LAG apart, it is independent, if besides
-# as many differences side by side change sign: of independent noise 73 %, of round surfaces few.
-SMOOTHED, SETTLED, MOST_LAG, INDEPENDENT = 1.2, 1.1, 8, 0.57
+# points two pixels apart than side by side: other scans reached 1.11, medians of three pixels 1.26.
+# Where it is no larger a pixel further (SETTLED), or MOST_LAG apart, it is independent. It grows by
+# ever less, but for what STEADY allows; faces that end within so few pixels make it jump. And as
+# many differences side by side change sign: of independent noise 73 %, of round surfaces few.
+SMOOTHED, SETTLED, STEADY, MOST_LAG, INDEPENDENT = 1.22, 1.1, 1.15, 8, 0.57
 FAINT_MM = 1e-3  # rounding of numbers, no noise of a sensor
 
 
@@ -28,13 +29,14 @@ def depth_noise(depth_mm: FloatArray, slope: FloatArray) -> tuple[float, float]:
     spread in bins of depth, from profiles spread over the scan, is fitted by
     sigma = a + b depth^2, both not negative. Returns (a in mm, b in 1/mm).
     """
-    depths, sigmas = _noise_by_depth(depth_mm, slope, 1)
+    depths, sigmas, smoothed_by = *_noise_by_depth(depth_mm, slope), 1.0
     if depths.size == 0:  # as where only every second beam returns
-        depth_mm, slope = _closed_up(depth_mm, slope)
-        depths, sigmas = _noise_by_depth(depth_mm, slope, 1)
+        depths, sigmas = _noise_by_depth(*_closed_up(depth_mm, slope))
+    else:
+        smoothed_by = _smoothed_by(depth_mm, slope)
     if depths.size == 0:
         return MIN_SIGMA_MM, 0.0
-    sigmas = np.maximum(sigmas * _smoothed_by(depth_mm, slope), MIN_SIGMA_MM)
+    sigmas = np.maximum(sigmas * smoothed_by, MIN_SIGMA_MM)
     return _growing_noise(depths, sigmas)
 
 
@@ -50,11 +52,9 @@ def _closed_up(depth: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatA
 
 
 @compiled
-def _noise_by_depth(
-    depth: FloatArray, slope: FloatArray, lag: int
-) -> tuple[FloatArray, FloatArray]:
+def _noise_by_depth(depth: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean depth and spread of the second differences in bins of depth, equally filled."""
-    middle, error = _all_bends(depth, slope, lag)
+    middle, error = _all_bends(depth, slope, 1)
     n = error.size
     bins = min(DEPTH_BINS, n // MIN_TRIPLES_PER_BIN)
     depths, sigmas = np.empty(bins), np.empty(bins)
@@ -101,22 +101,25 @@ def _bends(depth: FloatArray, slope: FloatArray, lag: int, bend: FloatArray) -> 
 def _smoothed_by(depth: FloatArray, slope: FloatArray) -> float:
     """How many times as large the noise was before the sensor smoothed it, 1 if it did not.
 
-    Second differences of smoothed noise grow with the distance of the points up to where it is
-    independent. So do those of a round surface, but side by side they have the same sign. From
+    Second differences of smoothed noise grow with the distance of the points, by ever less, up to
+    where it is independent. So do those of a round surface, but those side by side are alike. From
     their variance, v(l) = 6 g(0) - 8 g(l) + 2 g(2 l), follow the covariances g(l) of the noise, the
     farthest first. All of them together are the variance by which means over many points differ:
     that of the noise before it was smoothed.
     """
-    variance, lag = np.empty(MOST_LAG + 1), 1
+    variance, lag, last = np.empty(MOST_LAG + 1), 1, np.inf
     variance[1] = max(_clipped_spread(_all_bends(depth, slope, 1)[1]), FAINT_MM) ** 2
     while lag < MOST_LAG:
         further = _all_bends(depth, slope, lag + 1)[1]
         if further.size < MIN_TRIPLES_PER_BIN:
             return 1.0
         variance[lag + 1] = max(_clipped_spread(further), FAINT_MM) ** 2
-        grown = SETTLED if lag > 1 else SMOOTHED
-        if variance[lag + 1] <= grown * grown * variance[lag]:
+        growth = variance[lag + 1] / variance[lag]
+        if growth <= (SETTLED if lag > 1 else SMOOTHED) ** 2:
             break
+        if growth > min(((lag + 1) / lag) ** 4, STEADY**2 * last):  # of a bend it is the former
+            return 1.0
+        last = growth
         lag += 1
     if lag == 1 or _share_of_turns(depth, slope, lag) < INDEPENDENT:
         return 1.0
