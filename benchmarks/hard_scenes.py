@@ -13,7 +13,7 @@ that few decide, and those of a box seen from two sides may be taken for each ot
 
 Every pair has a scene of its own. A wrong answer is marked "ok" and off by more than 5 degrees or
 30 mm: on a shelf a whole compartment, say. Where no answer is to be had, a method should say so.
-"In doubt": a note of the answer names a turned pose.
+"In doubt": a note of the answer names another pose.
 """
 
 from __future__ import annotations

@@ -12,6 +12,8 @@ from registration.scan import BoolArray, FloatArray
 PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
 PARALLEL = 1e-6  # of the largest singular value of the lines' equations, their least
 APEX_PROFILES = 40  # of a longer scan, for the apex
+CLEAR_MM = 5.0  # of relief: of less a pixel's line is mostly rounding
+LEAST_PIXELS = 8  # with a clear line
 
 
 @compiled
@@ -29,13 +31,13 @@ def find_apex(points: FloatArray, usable: BoolArray, lean: FloatArray) -> FloatA
     used = 0
     for u in range(n):
         spread, shared = pixels.spread[u], pixels.shared[u]
-        # Below 5 mm of relief a slope is mostly rounding; where most are absurd, sums overflow.
-        if pixels.n[u] >= 3 and spread > 25.0 * pixels.n[u] and np.isfinite(spread + shared):
+        clear = spread > CLEAR_MM**2 * pixels.n[u]
+        if pixels.n[u] >= 3 and clear and np.isfinite(spread + shared):  # absurd marks overflow
             slope[used] = shared / spread
             intercept[used] = pixels.mean_y[u] - slope[used] * pixels.mean_z[u]
             weight[used] = spread
             used += 1
-    if used < 8:
+    if used < LEAST_PIXELS:
         return parallel
     slope, intercept, weight = slope[:used], intercept[:used], weight[:used]
     total = weight.sum()

@@ -11,16 +11,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from registration.gauss_sphere.apex import PARALLEL_APEX_MM, find_apex
+from registration.gauss_sphere.apex import (
+    CLEAR_MM,
+    LEAST_PIXELS,
+    PARALLEL_APEX_MM,
+    find_apex,
+)
 from registration.gauss_sphere.depth_noise import MIN_SIGMA_MM, depth_noise
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray, Scan
 
-FEW_BEHIND = 0.02  # of the points: so many behind the apex are outliers, more say that it is none
-SCENE_SAMPLE = 1000  # points that tell between which depths a scene lies
+FEW_BEHIND = 0.02  # for each point in front: so many behind the apex are wild, more say it is none
+CONVERGING = -0.9  # correlation of where beams lie aside and how they run, from which on they meet
+SCENE_ROWS = 32  # of profiles and of pixels that tell between which depths most of a scene lies
 FAR_OFF = 10.0  # times the usual distance from the middle one
 FAR_OFF_MM, FAR_OFF_SHARE = 500.0, 0.5  # and so far, and such a share of the middle depth, besides
-PROFILE_MM = 20.0  # within which X of a profile's points lies, but for outliers
+BESIDE_MM, BESIDE_SHARE = 20.0, 0.05  # and share of the depth: the next point of a far surface
+PROFILE_MM = 20.0  # within which X of a profile's points lies, but for wild ones
 LEAST_RETURNS = 4  # fewer lie on no line that could be told from noise
 ONE_PLACE = 0.1  # of the usual gap: profiles nearer to each other are of one place
 NARROW_SHARE = 0.05  # of the way between profiles lies in gaps narrower than the least usual one
@@ -60,10 +67,11 @@ def fan_of(scan: Scan) -> Fan:
     """Describe a scan by its beams; the apex is estimated when the scan does not carry it."""
     kept = profiles_in_fan(scan)
     # Arrays of one kind for every scan, an unpickled one, too: loops are compiled for each kind.
-    points_mm = scan.points_mm.view() if kept.all() else scan.points_mm[kept]
+    points_mm = np.ascontiguousarray(scan.points_mm if kept.all() else scan.points_mm[kept])
     marks = _in_sensor(points_mm)
     if marks.any():
         points_mm = np.where(marks[..., None], np.nan, points_mm)
+    points_mm = points_mm.view()
     points_mm.setflags(write=False)
     apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
     lean = scan.travel[1:] / scan.travel[0]
@@ -90,12 +98,15 @@ def seems_turned_around(fan: Fan) -> bool:
     """Whether the beams seem to meet beyond the points, as where Z is height in place of depth."""
     if fan.apex_mm[2] > -PARALLEL_APEX_MM:
         return False
-    points = np.empty((*fan.depth_mm.shape, 3))
-    points[..., 0] = fan.x_mm[:, None]
-    points[..., 1] = fan.slope * fan.depth_mm
-    points[..., 2] = PARALLEL_APEX_MM - fan.depth_mm
-    points.setflags(write=False)  # an array of the kind that the loop is compiled for
-    return bool(find_apex(points, np.isfinite(fan.depth_mm), np.zeros(2))[2] > -PARALLEL_APEX_MM)
+    measured = np.isfinite(fan.depth_mm)
+    z, y = (np.where(measured, values, 0.0) for values in (fan.depth_mm, fan.slope * fan.depth_mm))
+    n = np.maximum(measured.sum(axis=0), 1)
+    off_z = np.where(measured, z - z.sum(axis=0) / n, 0.0)
+    clear = (off_z**2).sum(axis=0) > CLEAR_MM**2 * n
+    if clear.sum() < LEAST_PIXELS:
+        return False
+    slope = (off_z * y).sum(axis=0)[clear] / (off_z**2).sum(axis=0)[clear]
+    return bool(np.corrcoef(slope, (y.sum(axis=0) / n)[clear])[0, 1] < CONVERGING)
 
 
 @compiled
@@ -122,24 +133,44 @@ def _fan(points: FloatArray, step: float, apex_mm: FloatArray, lean: FloatArray)
 
 @compiled
 def _usable(points: FloatArray) -> BoolArray:
-    """(profiles, pixels) whether a point may lie where its profile was taken and the scene is."""
-    low_z, high_z = _scene_depths(points)
-    usable = np.empty(points.shape[:2], np.bool_)
-    for p in range(points.shape[0]):
-        low_x, high_x = _along_profile(points[p, :, 0])
-        for u in range(points.shape[1]):
-            x, _, z = points[p, u]
-            usable[p, u] = (low_x <= x <= high_x) & (low_z <= z <= high_z)
+    """(profiles, pixels) whether a point may lie where its profile was taken and a scene is.
+
+    Far from most others it does where the next one lies there, too: a wild point is alone. A mark
+    of no return is the least or the largest number.
+    """
+    depth = points[:, :, 2]
+    low, high = _usual_depths(depth)
+    least, most = np.inf, -np.inf
+    for z in depth.flat:
+        least = z if z < least else least
+        most = z if z > most else most
+    usable, x = np.empty(depth.shape, np.bool_), np.empty(depth.shape[1])
+    for p in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            z = depth[p, u]
+            usable[p, u] = low <= z <= high or (least < z < most and not _is_alone(depth[p], u))
+            x[u] = points[p, u, 0] if usable[p, u] else np.nan
+        low_x, high_x = _along_profile(x)
+        for u in range(depth.shape[1]):
+            usable[p, u] &= low_x <= x[u] <= high_x
     return usable
 
 
 @compiled
-def _scene_depths(points: FloatArray) -> tuple[float, float]:
-    """Between which depths a scene lies: about the middle one, as some of its points have it."""
-    rows, columns = points.shape[:2]
-    stride = max(rows * columns // SCENE_SAMPLE, 1) | 1  # odd, to meet all pixels
-    sample = points.reshape(-1, 3)[::stride, 2]
-    # A mark of no return is the least or the largest number, and there may be many of it.
+def _is_alone(depth: FloatArray, u: int) -> bool:
+    near = BESIDE_MM + BESIDE_SHARE * abs(depth[u])
+    for v in (u - 1, u + 1):
+        if 0 <= v < depth.size and abs(depth[v] - depth[u]) <= near:
+            return False
+    return True
+
+
+@compiled
+def _usual_depths(depth: FloatArray) -> tuple[float, float]:
+    """Between which depths most of a scene lies: about the middle one, as some points have it."""
+    along, across = max(depth.shape[0] // SCENE_ROWS, 1), max(depth.shape[1] // SCENE_ROWS, 1)
+    sample = depth[along // 2 :: along, across // 2 :: across].flatten()
+    # Marks are the extremes, and there may be more of them than of points.
     sample = sample[(sample > np.nanmin(sample)) & (sample < np.nanmax(sample))]
     if sample.size == 0:
         return -np.inf, np.inf
@@ -151,7 +182,7 @@ def _scene_depths(points: FloatArray) -> tuple[float, float]:
 
 @compiled
 def _along_profile(x: FloatArray) -> tuple[float, float]:
-    """Between which X the points of a profile (pixels,) lie, NaN where nothing returned."""
+    """Between which X the points of a profile (pixels,) lie, NaN where none is usable."""
     low, high = np.inf, -np.inf
     for u in range(x.size):
         low = x[u] if x[u] < low else low

@@ -51,7 +51,8 @@ def judge(
         or is_rival(p, best, target, params)
     ]
     if open_directions.shape[0]:
-        others = [p for p in rivals if is_elsewhere(p, best, open_directions, target, params)]
+        alike = [p for p in rivals if p.score > params.rival_share * best.score]
+        others = [p for p in alike if is_elsewhere(p, best, open_directions, target, params)]
         besides = _others(best, others)
         return Verdict("underdetermined", reason + besides, "scene", undetermined=open_directions)
     return questioned(covariance, best, rivals) if rivals else Verdict("ok", covariance=covariance)

@@ -18,7 +18,7 @@ MIN_SIGMA_MM = 0.02
 # ever less, but for what STEADY allows; faces that end within so few pixels make it jump. And as
 # many differences side by side change sign: of independent noise 73 %, of round surfaces few.
 SMOOTHED, SETTLED, STEADY, MOST_LAG, INDEPENDENT = 1.22, 1.1, 1.15, 8, 0.57
-FAINT_MM = 1e-3  # rounding of numbers, no noise of a sensor
+FAINT_MM = 1e-3  # no noise of a sensor, or hidden, as most depths are rounded to the same number
 
 
 @compiled
@@ -108,12 +108,14 @@ def _smoothed_by(depth: FloatArray, slope: FloatArray) -> float:
     that of the noise before it was smoothed.
     """
     variance, lag, last = np.empty(MOST_LAG + 1), 1, np.inf
-    variance[1] = max(_clipped_spread(_all_bends(depth, slope, 1)[1]), FAINT_MM) ** 2
+    variance[1] = _clipped_spread(_all_bends(depth, slope, 1)[1]) ** 2
+    if variance[1] <= FAINT_MM**2:
+        return 1.0
     while lag < MOST_LAG:
         further = _all_bends(depth, slope, lag + 1)[1]
         if further.size < MIN_TRIPLES_PER_BIN:
             return 1.0
-        variance[lag + 1] = max(_clipped_spread(further), FAINT_MM) ** 2
+        variance[lag + 1] = _clipped_spread(further) ** 2
         growth = variance[lag + 1] / variance[lag]
         if growth <= (SETTLED if lag > 1 else SMOOTHED) ** 2:
             break

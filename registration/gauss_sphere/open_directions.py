@@ -66,9 +66,10 @@ def is_elsewhere(
     A large turn is taken for one about its axis, however far it goes.
     """
     turn = Rotation.from_matrix(pose.rotation @ best.rotation.T)
-    step = np.concatenate([turn.as_rotvec(), pose.shift_mm - turn.apply(best.shift_mm)])
-    units = open_units(best, target, params)
-    step, along = np.linalg.solve(units, step), np.linalg.solve(units, directions.T)
+    centre = centre_of(best, target)
+    moved = turn.apply(centre - best.shift_mm) + pose.shift_mm - centre
+    step = np.concatenate([turn.as_rotvec() / params.open_rad, moved / params.open_mm])
+    along = np.linalg.solve(open_units(best, target, params), directions.T)
     along /= np.linalg.norm(along, axis=0)
     step -= along @ (along.T @ step)  # they are at right angles in these units
     return bool(

@@ -202,6 +202,7 @@ def _unless_symmetric(
 
 
 def _told(best: Settled, unsaid: list[Settled], least_rad: float) -> tuple[str, ...]:
+    """A note on the first of the poses that nothing speaks for or against, if there is any."""
     if not unsaid:
         return ()
     turn = Rotation.from_matrix(unsaid[0].rotation @ best.rotation.T).magnitude()
@@ -209,8 +210,8 @@ def _told(best: Settled, unsaid: list[Settled], least_rad: float) -> tuple[str, 
     turned, share = turn > least_rad, unsaid[0].score / best.score
     how = f"turned by {np.rad2deg(turn):.0f} degrees" if turned else f"moved by {moved_mm:.0f} mm"
     return (
-        f"{how}, the pose fits few planes as well, on {share:.0%} of the surface, and no end of a "
-        "face says which is right: if the views may lie far apart, see the candidates",
+        f"{how}, the pose has {share:.0%} of its score, on few planes, and no end of a face says "
+        "which is right: if the views may lie far apart, see the candidates",
     )
 
 

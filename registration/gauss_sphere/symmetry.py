@@ -75,8 +75,8 @@ def symmetric_rivals(
     least = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
     confirmed, denied = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
     most_denied = denied / max(confirmed + denied, how.least) + decision.turned_denied
-    enough, few = _enough_planes(len(agreeing), decision), len(agreeing) <= decision.silent_planes
-    rivals, unsaid = [], []
+    few = len(agreeing) <= decision.silent_planes
+    enough, rivals, unsaid = _enough_planes(len(agreeing), decision), [], []
     for pose, along, further_along in found:
         t = pose.shift_mm.copy()
         confirmed, denied = _placed(

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair
+from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair, join, plates_from, scan_plates
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import Fan, fan_of
+from registration.gauss_sphere.beams import Fan, fan_of, seems_turned_around
 
 
 @pytest.fixture(scope="module")
@@ -60,12 +60,48 @@ def test_one_wild_point_changes_nothing_but_itself(pair: Pair, z_mm: float) -> N
     assert abs(off[:3, 3]).max() < 0.5
 
 
-@pytest.mark.parametrize("z_mm", [-9999.0, 99999.0])
-def test_marks_may_outnumber_points(pair: Pair, z_mm: float) -> None:
-    where = np.random.default_rng(7).random(pair.target.points_mm.shape[:2]) < 0.6
-    marks, gaps = (marked(pair.target, where, [0.0, 0.0, mark]) for mark in (z_mm, np.nan))
-    assert where.sum() > (~where & pair.target.valid).sum()
-    np.testing.assert_array_equal(fan_of(marks).depth_mm, fan_of(gaps).depth_mm)
+@pytest.mark.parametrize("share", [0.5, 0.6, 0.75])
+@pytest.mark.parametrize("mark", [[0.0, 0.0, -9999.0], [0.0, 0.0, 99999.0], [-9999.0] * 3])
+def test_marks_may_outnumber_points(pair: Pair, mark: list[float], share: float) -> None:
+    where = np.random.default_rng(7).random(pair.target.points_mm.shape[:2]) < share
+    gaps = fan_of(marked(pair.target, where, np.nan))
+    assert_same(fan_of(marked(pair.target, where, mark)), gaps)
+    assert np.isfinite(gaps.depth_mm).sum() == (~where & pair.target.valid).sum()
+
+
+def test_a_far_surface_is_kept_behind_a_near_one_that_fills_most_of_the_view() -> None:
+    near = plates_from(
+        np.array([[0.0, 0.2, -1.0]]) / np.hypot(1.0, 0.2),
+        np.array([[150.0, -60.0, 700.0]]),
+        np.array([[400.0, 190.0]]),
+    )
+    normals = np.array([[0.0, -0.6, -0.8], [-0.6, 0.0, -0.8], [0.0, 0.0, -1.0]])
+    places = np.array([[150.0, 700.0, 2600.0], [600.0, 600.0, 2700.0], [100.0, 500.0, 2900.0]])
+    far = plates_from(normals, places, np.array([[900.0, 700.0]] * 3))
+    scan = scan_plates(join(near, far), noise=0.5, rng=np.random.default_rng(4))
+    depth_mm = fan_of(scan).depth_mm
+    share = (depth_mm > 2000.0).sum() / np.isfinite(depth_mm).sum()
+    assert 0.1 < share < 0.45
+    assert np.isfinite(depth_mm).sum() >= scan.n_valid - 5
+
+
+def test_pixels_of_any_number_tell_where_the_scene_lies(pair: Pair) -> None:
+    # Every tenth of 1000 profiles of 999 pixels and one would be the same pixel each time.
+    points_mm = np.full((100, 999, 3), np.nan)
+    points_mm[:60, 1:257] = pair.target.points_mm
+    plain = fan_of(Scan.from_points(points_mm, 5.0))
+    points_mm[10:50:4, 300] = [0.0, 0.0, -9999.0]
+    assert_same(plain, fan_of(Scan.from_points(points_mm, 5.0)))
+
+
+def test_views_of_an_array_are_taken(pair: Pair) -> None:
+    thinned = pair.target.points_mm[:, ::2]
+    assert_same(
+        fan_of(replace(pair.target, points_mm=thinned)),
+        fan_of(Scan.from_points(thinned, 5.0, apex_mm=pair.target.apex_mm)),
+    )
+    turned = np.asfortranarray(pair.target.points_mm)
+    assert_same(fan_of(replace(pair.target, points_mm=turned)), fan_of(pair.target))
 
 
 def test_few_points_behind_the_apex_are_left_out_many_say_that_it_is_none(pair: Pair) -> None:
@@ -104,3 +140,13 @@ def test_height_in_place_of_depth_is_told_where_no_answer_is_found(pair: Pair) -
     depths = [replace(s, apex_mm=None) for s in (pair.target, unrelated.source)]
     assert any("Z is height" in note for note in register(*heights).notes)
     assert not any("Z is height" in note for note in register(*depths).notes)
+
+
+def test_beams_that_are_nearly_parallel_are_not_taken_for_turned_around() -> None:
+    rng = np.random.default_rng(6)
+    x, y = np.meshgrid(5.0 * np.arange(40), np.linspace(-80.0, 80.0, 120), indexing="ij")
+    z = 600.0 + 15.0 * np.sin(x / 20.0) + 15.0 * np.cos(y / 15.0) + rng.normal(0.0, 0.05, x.shape)
+    for seed in range(5):
+        aside = np.random.default_rng(seed).normal(0.0, 0.02, y.shape)
+        scan = Scan.from_points(np.stack([x, y + aside, z], axis=2), 5.0)
+        assert not seems_turned_around(fan_of(scan))

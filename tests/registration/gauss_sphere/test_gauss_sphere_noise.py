@@ -110,3 +110,13 @@ def test_a_round_surface_is_no_smoothed_noise(radius_mm: float) -> None:
     depth_mm = ahead - np.sqrt(across2 / (1.0 + slope**2))
     depth_mm += np.random.default_rng(2).normal(0.0, 0.1, depth_mm.shape)
     assert _smoothed_by(depth_mm, slope) == 1.0
+
+
+@pytest.mark.parametrize("step_mm", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.3])
+def test_rounded_depths_are_no_smoothed_noise(noise: float, step_mm: float) -> None:
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        fan = fan_of(scan_plates(random_clutter(rng), pixels=640, noise=noise, rng=rng))
+        rounded = np.round((fan.depth_mm - APEX_BEHIND_MM) / step_mm) * step_mm + APEX_BEHIND_MM
+        assert _smoothed_by(rounded, fan.slope) < 2.0

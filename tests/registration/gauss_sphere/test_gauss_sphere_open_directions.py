@@ -17,10 +17,11 @@ from plane_scans import (
     random_view,
     scan_plates,
 )
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import RegistrationResult, register
 from registration.gauss_sphere.matching import settle_best
+from registration.gauss_sphere.open_directions import is_elsewhere, uncertainty
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, RefineParams
 from registration.gauss_sphere.pipeline import describe
 
@@ -136,3 +137,22 @@ def test_a_pose_a_compartment_further_is_a_rival_though_it_shares_less() -> None
     blind = GaussSphereParams(decision=DecisionParams(repeat_share=1.0))
     unseen = [register(pair.target, pair.source, params=blind).status for pair in pairs]
     assert "ok" in unseen
+
+
+def test_a_pose_slid_along_an_open_direction_is_where_the_best_one_is() -> None:
+    pair, params = ridges(np.random.default_rng(0)), GaussSphereParams()
+    views = [describe(scan, params) for scan in (pair.target, pair.source)]
+    T = pair.T_target_source
+    rotation, shift_mm = T.rotation.as_matrix()[None].copy(), T.translation[None].copy()
+    (best,) = settle_best(*views, rotation, shift_mm, params, look_again=False)
+    _, open_directions, _ = uncertainty(best, best.sure, views[0], params.decision)
+    assert open_directions.shape[0]
+    along = open_directions[0, 3:] / np.linalg.norm(open_directions[0, 3:])
+    across = np.cross(along, [0.3, -0.5, 0.8])
+    across /= np.linalg.norm(across)
+    for moved, elsewhere in ((250.0 * along, False), (250.0 * along + 40.0 * across, True)):
+        slid = best._replace(shift_mm=best.shift_mm + moved)
+        assert is_elsewhere(slid, best, open_directions, views[0], params.decision) is elsewhere
+    turned = Rotation.from_rotvec(0.1 * across).as_matrix() @ best.rotation
+    assert is_elsewhere(best._replace(rotation=turned), best, open_directions, views[0],
+                        params.decision)  # fmt: skip

@@ -137,6 +137,7 @@ def test_a_prism_leaves_the_shift_along_its_edges_open() -> None:
     along = result.undetermined[0, 3:] / np.linalg.norm(result.undetermined[0, 3:])
     assert abs(along @ edge) > 0.99
     assert "shift along" in result.reason
+    assert "besides" not in result.reason
 
 
 def test_a_roof_turned_around_is_named_besides_the_shift_that_it_leaves_open() -> None:
