@@ -18,16 +18,12 @@ from registration.gauss_sphere.apex import (
     find_apex,
 )
 from registration.gauss_sphere.depth_noise import MIN_SIGMA_MM, depth_noise
+from registration.gauss_sphere.returns import returns_of, usable_points
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray, Scan
 
 FEW_BEHIND = 0.02  # for each point in front: so many behind the apex are wild, more say it is none
 CONVERGING = -0.9  # correlation of where beams lie aside and how they run, from which on they meet
-SCENE_ROWS = 32  # of profiles and of pixels that tell between which depths most of a scene lies
-FAR_OFF = 10.0  # times the usual distance from the middle one
-FAR_OFF_MM, FAR_OFF_SHARE = 500.0, 0.5  # and so far, and such a share of the middle depth, besides
-BESIDE_MM, BESIDE_SHARE = 20.0, 0.05  # and share of the depth: the next point of a far surface
-PROFILE_MM = 20.0  # within which X of a profile's points lies, but for wild ones
 LEAST_RETURNS = 4  # fewer lie on no line that could be told from noise
 ONE_PLACE = 0.1  # of the usual gap: profiles nearer to each other are of one place
 NARROW_SHARE = 0.05  # of the way between profiles lies in gaps narrower than the least usual one
@@ -66,13 +62,7 @@ class Fan(NamedTuple):
 def fan_of(scan: Scan) -> Fan:
     """Describe a scan by its beams; the apex is estimated when the scan does not carry it."""
     kept = profiles_in_fan(scan)
-    # Arrays of one kind for every scan, an unpickled one, too: loops are compiled for each kind.
-    points_mm = np.ascontiguousarray(scan.points_mm if kept.all() else scan.points_mm[kept])
-    marks = _in_sensor(points_mm)
-    if marks.any():
-        points_mm = np.where(marks[..., None], np.nan, points_mm)
-    points_mm = points_mm.view()
-    points_mm.setflags(write=False)
+    points_mm = _points_of(scan) if kept.all() else _read_only(scan.points_mm[kept])
     apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
     lean = scan.travel[1:] / scan.travel[0]
     return _fan(points_mm, scan.step_mm * scan.travel[0], apex_mm, lean)
@@ -80,7 +70,7 @@ def fan_of(scan: Scan) -> Fan:
 
 def profiles_in_fan(scan: Scan) -> BoolArray:
     """(profiles,) False for those of a scan, between others, in which next to nothing returned."""
-    number = np.count_nonzero(scan.valid & ~_in_sensor(scan.points_mm), axis=1)
+    number = returns_of(_points_of(scan))
     kept, measured = np.ones(number.size, np.bool_), np.flatnonzero(number >= LEAST_RETURNS)
     if measured.size:
         kept[measured[0] : measured[-1]] = False
@@ -88,10 +78,15 @@ def profiles_in_fan(scan: Scan) -> BoolArray:
     return kept
 
 
-def _in_sensor(points_mm: FloatArray) -> BoolArray:
-    """(profiles, pixels) where points are exactly Y = Z = 0: so many programs mark no return."""
-    at_zero: BoolArray = points_mm[..., 2] == 0.0
-    return at_zero & (points_mm[..., 1] == 0.0) if at_zero.any() else at_zero
+def _points_of(scan: Scan) -> FloatArray:
+    return _read_only(np.ascontiguousarray(scan.points_mm))
+
+
+def _read_only(points_mm: FloatArray) -> FloatArray:
+    """The same: an array of one kind for every scan, as loops are compiled for each kind."""
+    points_mm = points_mm.view()
+    points_mm.setflags(write=False)
+    return points_mm
 
 
 def seems_turned_around(fan: Fan) -> bool:
@@ -112,7 +107,7 @@ def seems_turned_around(fan: Fan) -> bool:
 @compiled
 def _fan(points: FloatArray, step: float, apex_mm: FloatArray, lean: FloatArray) -> Fan:
     """The fan of a scan whose apex (3,) is NaN where it is to be estimated."""
-    unknown, usable = np.isnan(apex_mm).any(), _usable(points)
+    unknown, usable = np.isnan(apex_mm).any(), usable_points(points)
     if unknown:
         apex_mm = find_apex(points, usable, lean)
     rows, columns = points.shape[:2]
@@ -129,69 +124,6 @@ def _fan(points: FloatArray, step: float, apex_mm: FloatArray, lean: FloatArray)
     sigma_mm = np.empty((rows, columns))
     _take_noise(depth_mm, sigma_mm, *depth_noise(depth_mm, slope))
     return Fan(x_mm, gap_mm, apex_mm, slope, depth_mm, sigma_mm, column_slope, lean)
-
-
-@compiled
-def _usable(points: FloatArray) -> BoolArray:
-    """(profiles, pixels) whether a point may lie where its profile was taken and a scene is.
-
-    Far from most others it does where the next one lies there, too: a wild point is alone. A mark
-    of no return is the least or the largest number.
-    """
-    depth = points[:, :, 2]
-    low, high = _usual_depths(depth)
-    least, most = np.inf, -np.inf
-    for z in depth.flat:
-        least = z if z < least else least
-        most = z if z > most else most
-    usable, x = np.empty(depth.shape, np.bool_), np.empty(depth.shape[1])
-    for p in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
-            z = depth[p, u]
-            usable[p, u] = low <= z <= high or (least < z < most and not _is_alone(depth[p], u))
-            x[u] = points[p, u, 0] if usable[p, u] else np.nan
-        low_x, high_x = _along_profile(x)
-        for u in range(depth.shape[1]):
-            usable[p, u] &= low_x <= x[u] <= high_x
-    return usable
-
-
-@compiled
-def _is_alone(depth: FloatArray, u: int) -> bool:
-    near = BESIDE_MM + BESIDE_SHARE * abs(depth[u])
-    for v in (u - 1, u + 1):
-        if 0 <= v < depth.size and abs(depth[v] - depth[u]) <= near:
-            return False
-    return True
-
-
-@compiled
-def _usual_depths(depth: FloatArray) -> tuple[float, float]:
-    """Between which depths most of a scene lies: about the middle one, as some points have it."""
-    along, across = max(depth.shape[0] // SCENE_ROWS, 1), max(depth.shape[1] // SCENE_ROWS, 1)
-    sample = depth[along // 2 :: along, across // 2 :: across].flatten()
-    # Marks are the extremes, and there may be more of them than of points.
-    sample = sample[(sample > np.nanmin(sample)) & (sample < np.nanmax(sample))]
-    if sample.size == 0:
-        return -np.inf, np.inf
-    middle = np.median(sample)
-    usual = np.median(np.abs(sample - middle))
-    reach = FAR_OFF * usual + FAR_OFF_MM + FAR_OFF_SHARE * abs(middle)
-    return middle - reach, middle + reach
-
-
-@compiled
-def _along_profile(x: FloatArray) -> tuple[float, float]:
-    """Between which X the points of a profile (pixels,) lie, NaN where none is usable."""
-    low, high = np.inf, -np.inf
-    for u in range(x.size):
-        low = x[u] if x[u] < low else low
-        high = x[u] if x[u] > high else high
-    if high - low <= PROFILE_MM:
-        return low, high
-    middle = np.nanmedian(x)
-    reach = FAR_OFF * np.nanmedian(np.abs(x - middle)) + PROFILE_MM
-    return middle - reach, middle + reach
 
 
 @compiled

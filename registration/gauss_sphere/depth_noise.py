@@ -10,6 +10,7 @@ from registration.scan import FloatArray, IntArray
 DEPTH_BINS = 6
 DEPTH_CELLS = 512
 NOISE_PROFILES = 16  # enough for the noise to a few percent
+FEW_PROFILES, MAYBE = 4, 1.15  # at first: by how much noise must seem to grow to look at more
 MIN_TRIPLES_PER_BIN = 50
 MIN_SIGMA_MM = 0.02
 # A sensor that smooths its profiles is believed to where noise seems larger by SMOOTHED between
@@ -54,7 +55,7 @@ def _closed_up(depth: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatA
 @compiled
 def _noise_by_depth(depth: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean depth and spread of the second differences in bins of depth, equally filled."""
-    middle, error = _all_bends(depth, slope, 1)
+    middle, error = _all_bends(depth, slope, 1, NOISE_PROFILES)
     n = error.size
     bins = min(DEPTH_BINS, n // MIN_TRIPLES_PER_BIN)
     depths, sigmas = np.empty(bins), np.empty(bins)
@@ -67,9 +68,11 @@ def _noise_by_depth(depth: FloatArray, slope: FloatArray) -> tuple[FloatArray, F
 
 
 @compiled
-def _all_bends(depth: FloatArray, slope: FloatArray, lag: int) -> tuple[FloatArray, FloatArray]:
-    """Depth (n,) and size (n,) of the second differences of profiles spread over the scan."""
-    stride = max(1, depth.shape[0] // NOISE_PROFILES)
+def _all_bends(
+    depth: FloatArray, slope: FloatArray, lag: int, profiles: int
+) -> tuple[FloatArray, FloatArray]:
+    """Depth (n,) and size (n,) of the second differences of some profiles all over the scan."""
+    stride = max(1, depth.shape[0] // profiles)
     middle, error = np.empty(depth.size), np.empty(depth.size)
     bend, n = np.empty(depth.shape[1]), 0
     for p in range(stride // 2, depth.shape[0], stride):
@@ -107,12 +110,18 @@ def _smoothed_by(depth: FloatArray, slope: FloatArray) -> float:
     farthest first. All of them together are the variance by which means over many points differ:
     that of the noise before it was smoothed.
     """
+    side_by_side = _all_bends(depth, slope, 1, FEW_PROFILES)[1]
+    apart = _all_bends(depth, slope, 2, FEW_PROFILES)[1]
+    if min(side_by_side.size, apart.size) < MIN_TRIPLES_PER_BIN:
+        return 1.0
+    if np.median(apart) <= MAYBE * np.median(side_by_side):
+        return 1.0
     variance, lag, last = np.empty(MOST_LAG + 1), 1, np.inf
-    variance[1] = _clipped_spread(_all_bends(depth, slope, 1)[1]) ** 2
+    variance[1] = _clipped_spread(_all_bends(depth, slope, 1, NOISE_PROFILES)[1]) ** 2
     if variance[1] <= FAINT_MM**2:
         return 1.0
     while lag < MOST_LAG:
-        further = _all_bends(depth, slope, lag + 1)[1]
+        further = _all_bends(depth, slope, lag + 1, NOISE_PROFILES)[1]
         if further.size < MIN_TRIPLES_PER_BIN:
             return 1.0
         variance[lag + 1] = _clipped_spread(further) ** 2

@@ -155,8 +155,8 @@ def test_outlines_deny_a_pose_two_periods_off_where_the_row_ends(seed: int) -> N
 def test_an_answer_that_outlines_deny_is_taken_back() -> None:
     pair = clutter_pair(0, noise=1.0)
     assert register(pair.target, pair.source).status == "ok"
-    # Whatever is said is taken as a denial, and no confirmation is enough.
-    harsh = OutlineParams(refuted_share=-1.0, refuting_share=-1.0, least=-1, confirmed_share=2.0)
+    # A single denial is too many, and no confirmation is enough.
+    harsh = OutlineParams(refuted_share=0.0, refuting_share=0.0, least=1, confirmed_share=2.0)
     result = register(pair.target, pair.source, params=GaussSphereParams(outlines=harsh))
     assert (result.status, result.stage) == ("failed", "verification")
     assert result.T_target_source is None
