@@ -18,13 +18,12 @@ from registration.gauss_sphere.apex import (
     find_apex,
 )
 from registration.gauss_sphere.depth_noise import MIN_SIGMA_MM, depth_noise
-from registration.gauss_sphere.returns import returns_of, usable_points
+from registration.gauss_sphere.returns import profiles_with_returns, usable_points
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray, Scan
 
 FEW_BEHIND = 0.02  # for each point in front: so many behind the apex are wild, more say it is none
 CONVERGING = -0.9  # correlation of where beams lie aside and how they run, from which on they meet
-LEAST_RETURNS = 4  # fewer lie on no line that could be told from noise
 ONE_PLACE = 0.1  # of the usual gap: profiles nearer to each other are of one place
 NARROW_SHARE = 0.05  # of the way between profiles lies in gaps narrower than the least usual one
 USUAL_GAPS = 6.0  # times as wide: where half of the profiles were lost at random, few are wider
@@ -61,21 +60,19 @@ class Fan(NamedTuple):
 
 def fan_of(scan: Scan) -> Fan:
     """Describe a scan by its beams; the apex is estimated when the scan does not carry it."""
-    kept = profiles_in_fan(scan)
-    points_mm = _points_of(scan) if kept.all() else _read_only(scan.points_mm[kept])
+    points_mm = _points_of(scan)
+    usable = usable_points(points_mm)
+    kept = profiles_with_returns(usable)
+    if not kept.all():
+        points_mm, usable = _read_only(points_mm[kept]), usable[kept]
     apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
     lean = scan.travel[1:] / scan.travel[0]
-    return _fan(points_mm, scan.step_mm * scan.travel[0], apex_mm, lean)
+    return _fan(points_mm, usable, scan.step_mm * scan.travel[0], apex_mm, lean)
 
 
 def profiles_in_fan(scan: Scan) -> BoolArray:
     """(profiles,) False for those of a scan, between others, in which next to nothing returned."""
-    number = returns_of(_points_of(scan))
-    kept, measured = np.ones(number.size, np.bool_), np.flatnonzero(number >= LEAST_RETURNS)
-    if measured.size:
-        kept[measured[0] : measured[-1]] = False
-        kept[measured] = True
-    return kept
+    return profiles_with_returns(usable_points(_points_of(scan)))
 
 
 def _points_of(scan: Scan) -> FloatArray:
@@ -105,9 +102,11 @@ def seems_turned_around(fan: Fan) -> bool:
 
 
 @compiled
-def _fan(points: FloatArray, step: float, apex_mm: FloatArray, lean: FloatArray) -> Fan:
+def _fan(
+    points: FloatArray, usable: BoolArray, step: float, apex_mm: FloatArray, lean: FloatArray
+) -> Fan:
     """The fan of a scan whose apex (3,) is NaN where it is to be estimated."""
-    unknown, usable = np.isnan(apex_mm).any(), usable_points(points)
+    unknown = np.isnan(apex_mm).any()
     if unknown:
         apex_mm = find_apex(points, usable, lean)
     rows, columns = points.shape[:2]

@@ -10,7 +10,7 @@ from registration.scan import FloatArray, IntArray
 DEPTH_BINS = 6
 DEPTH_CELLS = 512
 NOISE_PROFILES = 16  # enough for the noise to a few percent
-FEW_PROFILES, MAYBE = 4, 1.15  # at first: by how much noise must seem to grow to look at more
+FEW_PROFILES, MAYBE = 3, 1.15  # at first: by how much noise must seem to grow to look at more
 MIN_TRIPLES_PER_BIN = 50
 MIN_SIGMA_MM = 0.02
 # A sensor that smooths its profiles is believed to where noise seems larger by SMOOTHED between

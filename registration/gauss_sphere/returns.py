@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from registration.kernels import compiled
-from registration.scan import BoolArray, FloatArray, IntArray
+from registration.scan import BoolArray, FloatArray
 
+LEAST_RETURNS = 4  # fewer lie on no line that could be told from noise
 SCENE_ROWS = 16  # of profiles and of pixels that tell between which depths most of a scene lies
 FAR_OFF = 10.0  # times the usual distance from the middle one
 FAR_OFF_MM, FAR_OFF_SHARE = 500.0, 0.5  # and so far, and such a share of the middle depth, besides
@@ -15,15 +16,16 @@ PROFILE_MM = 20.0  # within which X of a profile's points lies, but for wild one
 
 
 @compiled
-def returns_of(points: FloatArray) -> IntArray:
-    """(profiles,) how many returns each has."""
-    number = np.empty(points.shape[0], np.int64)
-    for p in range(points.shape[0]):
-        n = 0
-        for u in range(points.shape[1]):
-            n += 1 if _is_return(points[p, u, 1], points[p, u, 2]) else 0
-        number[p] = n
-    return number
+def profiles_with_returns(usable: BoolArray) -> BoolArray:
+    """(profiles,) False for those between others that have next to no usable point (n, pixels)."""
+    kept, first, last = np.ones(usable.shape[0], np.bool_), usable.shape[0], -1
+    for p in range(usable.shape[0]):
+        kept[p] = np.count_nonzero(usable[p]) >= LEAST_RETURNS
+        first = p if kept[p] and last < 0 else first
+        last = p if kept[p] else last
+    kept[:first] = True
+    kept[last + 1 :] = True
+    return kept
 
 
 @compiled
