@@ -23,7 +23,6 @@ from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray, Scan
 
 FEW_BEHIND = 0.02  # for each point in front: so many behind the apex are wild, more say it is none
-APEX_ROUNDS = 3  # in which points behind the apex are left out, and it is found anew
 CONVERGING = -0.9  # correlation of where beams lie aside and how they run, from which on they meet
 ONE_PLACE = 0.1  # of the usual gap: profiles nearer to each other are of one place
 NARROW_SHARE = 0.05  # of the way between profiles lies in gaps narrower than the least usual one
@@ -115,15 +114,9 @@ def _fan(
     slope, depth_mm = np.empty((rows, columns)), np.empty((rows, columns))
     measured = x_mm, slope, depth_mm, column_slope
     behind = _take_beams(points, usable, apex_mm, lean, *measured)
-    for _ in range(APEX_ROUNDS):
-        if not unknown or behind == 0:
-            break
-        if behind > FEW_BEHIND * np.isfinite(depth_mm).sum():
-            apex_mm = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
-        else:  # wild ones had a say in where the beams meet
-            usable = np.isfinite(depth_mm)
-            apex_mm = find_apex(points, usable, lean)
-        behind = _take_beams(points, usable, apex_mm, lean, *measured)
+    if unknown and behind > FEW_BEHIND * np.isfinite(depth_mm).sum():
+        apex_mm = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
+        _take_beams(points, usable, apex_mm, lean, *measured)
     gap_mm = _usual_gap(x_mm[np.isfinite(x_mm)])
     _place_unseen(x_mm, gap_mm if gap_mm > 0.0 else step)
     _fill_between(column_slope)

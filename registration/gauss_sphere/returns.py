@@ -104,4 +104,5 @@ def _usual_depths(depth: FloatArray) -> tuple[float, float]:
     middle = np.median(sample)
     usual = np.median(np.abs(sample - middle))
     reach = FAR_OFF * usual + FAR_OFF_MM + FAR_OFF_SHARE * abs(middle)
-    return middle - reach, middle + reach
+    # Behind the sensor's front there is no scene, where it is not all around.
+    return (max(middle - reach, 0.0) if middle > 0.0 else middle - reach), middle + reach
