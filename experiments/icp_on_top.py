@@ -17,5 +17,4 @@ def gauss_sphere_icp(target: Scan, source: Scan, params: GaussSphereParams) -> R
     return refined(register_scans(target, source, params), target, source, IcpParams(ROUNDS))
 
 
-# How a function names its parameters; mypy knows no attributes of functions.
-gauss_sphere_icp.params_type = GaussSphereParams  # type: ignore[attr-defined]
+gauss_sphere_icp.params_type = GaussSphereParams  # type: ignore[attr-defined]  # names its params

@@ -37,7 +37,7 @@ def _check(stage: object) -> None:
     their entries belong together.
     """
     several = {}
-    for field in fields(stage):  # type: ignore[arg-type]
+    for field in fields(stage):  # type: ignore[arg-type]  # each heir of Checked is a dataclass
         name, default = field.name, field.default
         if isinstance(default, tuple):
             several[name] = _numbers(stage, name, isinstance(default[0], int))

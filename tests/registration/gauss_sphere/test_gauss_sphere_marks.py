@@ -6,7 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair, join, plates_from, scan_plates
+from plane_scans import (
+    APEX_BEHIND_MM,
+    Pair,
+    clutter_pair,
+    join,
+    plates_from,
+    random_clutter,
+    scan_plates,
+)
 
 from registration import Scan, register
 from registration.gauss_sphere.beams import Fan, fan_of, seems_turned_around
@@ -102,6 +110,16 @@ def test_views_of_an_array_are_taken(pair: Pair) -> None:
     )
     turned = np.asfortranarray(pair.target.points_mm)
     assert_same(fan_of(replace(pair.target, points_mm=turned)), fan_of(pair.target))
+
+
+def test_a_wild_point_behind_the_apex_is_left_out_in_a_frame_far_ahead_of_the_sensor() -> None:
+    rng = np.random.default_rng(0)
+    scan = scan_plates(random_clutter(rng), profiles=120, noise=1.0, rng=rng)
+    points_mm = scan.points_mm - [0.0, 0.0, 2000.0]
+    points_mm[1, 7] = [5.0, 0.0, -2000.0 - APEX_BEHIND_MM - 1.0]  # of a profile not looked at
+    fan = fan_of(replace(scan, points_mm=points_mm, apex_mm=None))
+    assert fan.apex_mm[2] == pytest.approx(-2000.0 - APEX_BEHIND_MM, abs=1e-6)
+    assert np.isnan(fan.depth_mm[1, 7])
 
 
 def test_a_surface_behind_the_apex_says_that_it_is_none(pair: Pair) -> None:
