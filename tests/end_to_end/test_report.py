@@ -120,6 +120,9 @@ def opened(browser: webdriver.Chrome, page: Path, width: int = 1400) -> None:
     for kind in ("browser", "performance"):
         browser.get_log(kind)
     browser.get(page.as_uri())
+    # On a busy machine the driver comes back before the page's scripts have run.
+    loaded = "location.protocol === 'file:' && document.readyState === 'complete'"
+    until(browser, loaded, f"{page.name} is not loaded")
 
 
 def complaints(browser: webdriver.Chrome) -> list[str]:
