@@ -17,6 +17,7 @@ from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import BendingParams, GaussSphereParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.gauss_sphere.refine import likelihood, widened
+from registration.gauss_sphere.rotation import gauss_sphere
 from registration.gauss_sphere.view import View
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
@@ -80,11 +81,44 @@ def doubted(
     The pieces of a plane share that error: however many there are, they know no more than one.
     """
     near = params.bending.close_rad, params.bending.close_mm
-    planes = np.unique(planes_of_pieces(target, *near)[pose.pairs[:, 0]]).size
-    shared_mm = bias_mm * np.sqrt(pose.pairs.shape[0] / planes)
+    return _sharing(pose, target, source, bias_mm, planes_of_pieces(target, *near), params)
+
+
+def of_unknown_bias(
+    pose: Settled, target: Patches, source: Patches, params: GaussSphereParams
+) -> Settled:
+    """The pose, no surer than the planes' disagreement makes it where directions share an error.
+
+    A bias goes with how beams meet a plane, so planes of one direction are off alike: they agree
+    with each other all the same, and however many there are, they know no more than one.
+    """
+    direction = gauss_sphere(target, params.bending.close_rad).member
+    errors, likely = _different(direction, pose), likelihood(params.refine)
+    r, t, unused = pose.rotation, pose.shift_mm, np.empty((6, 6))
+    shown_mm = widened(
+        target, source, pose.pairs, likely, pose.floor_mm, r, t, unused, 0.0, errors
+    )  # fmt: skip
+    return _sharing(pose, target, source, shown_mm, direction, params)
+
+
+def _different(shared_by: IntArray, pose: Settled) -> int:
+    return np.unique(shared_by[pose.pairs[:, 0]]).size
+
+
+def _sharing(
+    pose: Settled,
+    target: Patches,
+    source: Patches,
+    error_mm: float,
+    shared_by: IntArray,
+    params: GaussSphereParams,
+) -> Settled:
+    """The pose under a systematic error that patches with equal shared_by (m,) have in common."""
+    n_pairs = pose.pairs.shape[0]
+    shared_mm = error_mm * np.sqrt(n_pairs / _different(shared_by, pose))
     sure, floor_mm = np.empty((6, 6)), max(float(shared_mm), pose.floor_mm)
     r, t, likely = pose.rotation, pose.shift_mm, likelihood(params.refine)
-    wide_mm = widened(target, source, pose.pairs, likely, floor_mm, r, t, sure, 0.0)
+    wide_mm = widened(target, source, pose.pairs, likely, floor_mm, r, t, sure, 0.0, n_pairs)
     take_chance(target, source, pose.pairs, likely, wide_mm, r, t, sure)
     return pose._replace(sure=sure, floor_mm=floor_mm)
 

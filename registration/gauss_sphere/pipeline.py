@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.beams import Fan, fan_of, seems_turned_around
-from registration.gauss_sphere.bending import doubted, left_bias_mm
+from registration.gauss_sphere.bending import doubted, left_bias_mm, of_unknown_bias
 from registration.gauss_sphere.calibrated import Known, read_known
 from registration.gauss_sphere.decision import (
     Verdict,
@@ -142,6 +142,8 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
         settled, verdict, unsaid = _unless_symmetric(
             settled, verdict, target, source, bias_mm, params
         )
+    if bias_mm == 0.0 and not params.calibration:
+        verdict = _of_unknown_bias(verdict, settled[0], target, source, params)
     if bias_mm == 0.0 and verdict.status == "ok":
         settled[0], verdict = _whole(settled[0], verdict, target, source, params)
     result, best = answered(verdict, settled, target, source), settled[0]
@@ -213,6 +215,20 @@ def _told(best: Settled, unsaid: list[Settled], least_rad: float) -> tuple[str, 
         f"{how}, the pose has {share:.0%} of its score, on few planes, and no end of a face says "
         "which is right: if the views may lie far apart, see the candidates",
     )
+
+
+def _of_unknown_bias(
+    verdict: Verdict, best: Settled, target: View, source: View, params: GaussSphereParams
+) -> Verdict:
+    """The verdict with a covariance that allows for a bias of which no calibration tells.
+
+    Whether a direction is open the verdict has said: where this would open one, it stays as it was.
+    """
+    if verdict.covariance is None:
+        return verdict
+    unsure = of_unknown_bias(best, target.patches, source.patches, params)
+    covariance = covariance_of(unsure, target, params.decision)
+    return verdict if covariance is None else verdict._replace(covariance=covariance)
 
 
 def _whole(

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plane_scans import random_clutter, scan_plates
+from plane_scans import box_faces, join, random_clutter, scan_plates
+from scipy.spatial.transform import RigidTransform, Rotation
 
+from registration.gauss_sphere.bending import of_unknown_bias
+from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import GaussSphereParams, RefineParams
 from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.refine import EXACTLY, likelihood, maximise, widened
+from registration.gauss_sphere.rotation import gauss_sphere
 from registration.scan import FloatArray
 
 
@@ -28,6 +32,18 @@ def moved(patches: Patches, by_mm: FloatArray) -> Patches:
     )
 
 
+def turned(patches: Patches, by_rad: FloatArray) -> Patches:
+    """Each plane turned a little about its centroid, its normal by what is across of (m, 3)."""
+    tilt = np.einsum("mvi,mi->mv", patches.basis, by_rad)
+    normal = patches.normal + np.einsum("mvi,mv->mi", patches.basis, tilt)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return patches._replace(
+        normal=normal,
+        basis=patches.basis - tilt[:, :, None] * patches.normal[:, None, :],
+        offset_mm=np.einsum("mi,mi->m", normal, patches.centroid_mm),
+    )
+
+
 def informations(target: Patches, source: Patches) -> tuple[FloatArray, FloatArray]:
     """By the planes that agree, and with all disagreement taken into account."""
     n = target.n_points.size
@@ -36,7 +52,7 @@ def informations(target: Patches, source: Patches) -> tuple[FloatArray, FloatArr
     agreeing, sure, distance2 = np.empty((6, 6)), np.empty((6, 6)), np.empty(n)
     likely = likelihood(RefineParams())
     maximise(target, source, pairs, likely, 0.005, r, t, agreeing, distance2, EXACTLY)
-    widened(target, source, pairs, likely, 0.005, r, t, sure, 0.0)
+    widened(target, source, pairs, likely, 0.005, r, t, sure, 0.0, n)
     return agreeing, sure
 
 
@@ -59,3 +75,44 @@ def test_planes_that_disagree_make_unsure_by_as_much(patches: Patches, error_mm:
         for scale in (1.0, 2.0)
     )
     assert np.trace(twice[3:, 3:]) > 2.0 * np.trace(once[3:, 3:])
+
+
+def alike_boxes(rng: np.random.Generator) -> Patches:
+    """Twelve boxes in three rows, the boxes of a row turned alike."""
+    faces = []
+    for row, turn_deg in enumerate(([25, 10, 0], [-20, -15, 40], [10, 30, 80])):
+        rotation = Rotation.from_euler("xyz", turn_deg, degrees=True)
+        for place in range(4):
+            centre_mm = np.array([110.0 * place, 150.0 * (row - 1), 700.0 + 40.0 * place])
+            pose = RigidTransform.from_components(centre_mm, rotation)
+            faces.append(box_faces(pose, np.array([45.0, 45.0, 45.0])))
+    scan = scan_plates(join(*faces), noise=0.1, rng=rng)
+    return describe(scan, GaussSphereParams()).patches
+
+
+def test_directions_that_share_an_error_know_no_more_than_one_plane_each() -> None:
+    """What a bias does that goes with the incidence, and no calibration takes out."""
+    rng, params = np.random.default_rng(5), GaussSphereParams()
+    planes = alike_boxes(rng)
+    n = planes.n_points.size
+    direction = gauss_sphere(planes, params.bending.close_rad).member
+    assert n > 2 * direction.max()
+    pairs, likely = np.stack([np.arange(n)] * 2, axis=1), likelihood(params.refine)
+    distances2 = np.empty((200, 2))
+    for draw in distances2:
+        off_mm, off_rad = rng.normal(size=n), rng.normal(size=(n, 3)) / params.refine.floor_lever_mm
+        target = turned(moved(planes, off_mm[direction]), off_rad[direction])
+        r, t = np.eye(3), np.zeros(3)
+        agreeing, sure, distance2 = np.empty((6, 6)), np.empty((6, 6)), np.empty(n)
+        maximise(target, planes, pairs, likely, 1.0, r, t, agreeing, distance2, EXACTLY)
+        widened(target, planes, pairs, likely, 0.005, r, t, sure, 0.0, n)
+        pose = Settled(r, t, agreeing, sure, 0.005, pairs, distance2, np.ones(2), 1.0)
+        error = np.append(Rotation.from_matrix(r).as_rotvec(), t)
+        shared = of_unknown_bias(pose, target, planes, params)
+        draw[:] = [error @ known @ error for known in (sure, shared.sure)]
+    # Inside what should hold 50 and 99 %; the size of the errors is estimated, on 21 freedoms.
+    half, nearly_all = ((distances2 < limit).mean(axis=0) for limit in (5.35, 16.8))
+    assert half[0] < 0.1
+    assert 0.35 < half[1] < 0.65
+    assert nearly_all[0] < 0.5
+    assert nearly_all[1] > 0.93
