@@ -46,15 +46,22 @@ def smoothed(average: Callable[..., FloatArray], pixels: int) -> Changed:
     return change
 
 
-def wild(number: int | float, low_mm: float, high_mm: float) -> Changed:
-    """So many of the points, or such a share of them, anywhere between two depths."""
+def wild(number: int | float, low_mm: float, high_mm: float, width: int = 1) -> Changed:
+    """So many of the points, or such a share of them, anywhere between two depths.
+
+    width: as many side by side are at one depth, some of which may be counted twice.
+    """
 
     def change(depth_mm: FloatArray, rng: np.random.Generator) -> FloatArray:
         places = np.flatnonzero(np.isfinite(depth_mm))
-        count = number if isinstance(number, int) else int(number * places.size)
-        depth_mm.flat[rng.choice(places, count, replace=False)] = rng.uniform(
-            low_mm, high_mm, count
+        count = number if isinstance(number, int) else int(number * places.size / width)
+        first, wild_mm = (
+            rng.choice(places, count, replace=False),
+            rng.uniform(low_mm, high_mm, count),
         )
+        for beside in range(width):
+            at = np.minimum(first + beside, depth_mm.size - 1)
+            depth_mm.flat[at] = np.where(np.isfinite(depth_mm.flat[at]), wild_mm, np.nan)
         return depth_mm
 
     return change
@@ -87,6 +94,10 @@ CASES: dict[str, Changed] = {
     "1 % of the points anywhere": wild(0.01, *OUTLIERS_MM),
     "5 % of the points anywhere": wild(0.05, *OUTLIERS_MM),
     "15 % of the points anywhere": wild(0.15, *OUTLIERS_MM),
+    "30 % of the points anywhere": wild(0.3, *OUTLIERS_MM),
+    "10 % of them, in pairs": wild(0.1, *OUTLIERS_MM, width=2),
+    "10 % of them, in threes": wild(0.1, *OUTLIERS_MM, width=3),
+    "10 % of them, in fives": wild(0.1, *OUTLIERS_MM, width=5),
     "trembling by 0.3 mm": shaken(0.3, 7.0),
     "trembling by 1 mm": shaken(1.0, 7.0),
     "rounded to 1 mm": rounded(1.0),

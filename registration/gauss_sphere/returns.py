@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from registration.gauss_sphere.spikes import leave_out_spikes
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray
 
@@ -53,6 +54,7 @@ def usable_points(points: FloatArray) -> BoolArray:
     if aside:
         for p in range(points.shape[0]):
             _leave_out_aside(points[p, :, 0], usable[p])
+    leave_out_spikes(points[:, :, 2], usable)
     return usable
 
 
