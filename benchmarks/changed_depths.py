@@ -77,6 +77,11 @@ def shaken(sigma_mm: float, period: float) -> Changed:
     return change
 
 
+def jerked(sigma_mm: float) -> Changed:
+    """Each profile moved in depth by itself."""
+    return lambda depth_mm, rng: depth_mm + sigma_mm * rng.normal(size=(len(depth_mm), 1))
+
+
 def rounded(step_mm: float) -> Changed:
     return lambda depth_mm, _: np.round(depth_mm / step_mm) * step_mm
 
@@ -100,6 +105,9 @@ CASES: dict[str, Changed] = {
     "10 % of them, in fives": wild(0.1, *OUTLIERS_MM, width=5),
     "trembling by 0.3 mm": shaken(0.3, 7.0),
     "trembling by 1 mm": shaken(1.0, 7.0),
+    "trembling by 1 mm, every third profile alike": shaken(1.0, 3.0),
+    "swaying by 1 mm, over 40 profiles": shaken(1.0, 40.0),
+    "each profile moved by 1 mm": jerked(1.0),
     "rounded to 1 mm": rounded(1.0),
     "rounded to 2 mm": rounded(2.0),
 }

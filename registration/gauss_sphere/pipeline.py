@@ -48,6 +48,10 @@ UNFIT = (
     "the calibration does not fit the scans, it seems to be of another sensor: corrected by it, "
     "planes are bent as by a bias of up to {:.1f} mm, which the covariance allows for"
 )
+TREMBLING = (
+    "profiles of the {} scan lie {:.1f} mm too near or far: they were moved to where their "
+    "neighbours lie, but what these do not tell is not in the covariance"
+)
 BENT = "planes are bent as by a bias of up to {:.1f} mm, which the covariance allows for"
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
@@ -86,8 +90,13 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
     """Register two described scans, described with the same parameters."""
     result = _registered(target, source, params)
     notes = () if params.calibration else (UNCALIBRATED,)
+    moved = [
+        TREMBLING.format(name, view.fan.moved_mm)
+        for name, view in (("target", target), ("source", source))
+        if view.fan.moved_mm > 0.0
+    ]
     far = () if result.status == "ok" else _marks(target, source)
-    return replace(result, notes=(*notes, *result.notes, *far)) if notes or far else result
+    return replace(result, notes=(*notes, *result.notes, *moved, *far))
 
 
 def _registered(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
