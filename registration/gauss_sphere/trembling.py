@@ -19,7 +19,7 @@ LEAST_BEAMS = 20  # that a profile and its neighbours have in common
 FEW, STRIDE = 24, 4  # profiles that tell whether more are looked at, and of how many beams one
 # Times as much as the noise of the beams makes, squared, at first and by all profiles. Rows of
 # things along the profile reach that, too; but not all over it alike, or in most profiles.
-MAYBE, SURELY = 4.0, 8.0
+MAYBE, SURELY = 2.0, 5.0
 SECTIONS, ALIKE, EVEN = 4, 1.5, 0.15
 FAR_OFF = 6.0  # times the usual second difference: there a face ends
 OUTLYING = 5.0  # times the usual move of a profile: a crease lies along it
@@ -51,6 +51,8 @@ def _moves(x_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:
     """The likeliest moves, each of them small by itself, by banded normal equations."""
     common, error, share = _common_bends(x_mm, depth_mm, np.arange(x_mm.size - 2), 1)
     told = np.isfinite(common) & (error > 0.0)
+    if not told.any():
+        return np.zeros(x_mm.size)
     told &= np.abs(common) <= OUTLYING * MEDIAN_TO_SIGMA * np.median(np.abs(common[told]))
     size = 1.0 + share**2 + (1.0 - share) ** 2
     excess = (common[told] ** 2 - error[told] ** 2) / size[told]
@@ -76,14 +78,14 @@ def _is_common(x_mm: FloatArray, depth_mm: FloatArray) -> bool:
         _common_bends(x_mm, np.ascontiguousarray(section), every, 1)[0]
         for section in np.array_split(depth_mm, SECTIONS, axis=1)
     ]
-    differ = [
-        np.median(np.abs(a - b)[told]) / np.median(np.abs([a[told], b[told]]))
+    alike = [
+        np.median(np.abs(a - b)[told]) <= ALIKE * np.median(np.abs([a[told], b[told]]))
         for a, b in itertools.combinations(of_section, 2)
         if 2 * np.count_nonzero(told := np.isfinite(a + b)) >= every.size
     ]
     common2 = _common_bends(x_mm, depth_mm, every, 1)[0] ** 2
     even = np.nanmedian(common2) >= EVEN * np.nanmean(common2)
-    return bool(differ and max(differ) <= ALIKE and even)
+    return bool(alike and all(alike) and even)
 
 
 @compiled
