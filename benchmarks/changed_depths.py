@@ -49,19 +49,19 @@ def smoothed(average: Callable[..., FloatArray], pixels: int) -> Changed:
 def wild(number: int | float, low_mm: float, high_mm: float, width: int = 1) -> Changed:
     """So many of the points, or such a share of them, anywhere between two depths.
 
-    width: as many side by side are at one depth, some of which may be counted twice.
+    width: as many side by side are at one depth; where two meet, they are fewer.
     """
 
     def change(depth_mm: FloatArray, rng: np.random.Generator) -> FloatArray:
         places = np.flatnonzero(np.isfinite(depth_mm))
         count = number if isinstance(number, int) else int(number * places.size / width)
-        first, wild_mm = (
-            rng.choice(places, count, replace=False),
-            rng.uniform(low_mm, high_mm, count),
-        )
+        wild_mm = rng.uniform(low_mm, high_mm, count)
+        first = rng.choice(places, count, replace=False)
+        pixel = first % depth_mm.shape[1]
         for beside in range(width):
-            at = np.minimum(first + beside, depth_mm.size - 1)
-            depth_mm.flat[at] = np.where(np.isfinite(depth_mm.flat[at]), wild_mm, np.nan)
+            inside = pixel + beside < depth_mm.shape[1]
+            at = first[inside] + beside
+            depth_mm.flat[at] = np.where(np.isfinite(depth_mm.flat[at]), wild_mm[inside], np.nan)
         return depth_mm
 
     return change

@@ -19,7 +19,6 @@ from registration.gauss_sphere.apex import (
 )
 from registration.gauss_sphere.depth_noise import MIN_SIGMA_MM, depth_noise
 from registration.gauss_sphere.returns import profiles_with_returns, usable_points
-from registration.gauss_sphere.trembling import moves_of_profiles
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray, Scan
 
@@ -47,7 +46,6 @@ class Fan(NamedTuple):
     lean: (2,) Y and Z by which the sensor moved for every mm along X; 0 where X is its motion. The
         point (x, slope depth, depth) of a beam, from the apex of its profile, lies in the scan's
         frame at lean x more along Y and Z: a shear, which keeps planes plane.
-    moved_mm: root mean square of what profiles were moved back in depth, 0 where they lay still.
     """
 
     x_mm: FloatArray
@@ -58,7 +56,6 @@ class Fan(NamedTuple):
     sigma_mm: FloatArray
     column_slope: FloatArray
     lean: FloatArray
-    moved_mm: float
 
 
 def fan_of(scan: Scan) -> Fan:
@@ -70,16 +67,7 @@ def fan_of(scan: Scan) -> Fan:
         points_mm, usable = _read_only(points_mm[kept]), usable[kept]
     apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
     lean = scan.travel[1:] / scan.travel[0]
-    fan = _fan(points_mm, usable, scan.step_mm * scan.travel[0], apex_mm, lean)
-    moves_mm = moves_of_profiles(fan.x_mm, fan.depth_mm)
-    return fan if moves_mm is None else _moved_back(fan, moves_mm)
-
-
-def _moved_back(fan: Fan, moves_mm: FloatArray) -> Fan:
-    depth_mm, sigma_mm = fan.depth_mm - moves_mm[:, None], np.empty_like(fan.sigma_mm)
-    _take_noise(depth_mm, sigma_mm, *depth_noise(depth_mm, fan.slope))
-    size_mm = float(np.sqrt((moves_mm**2).mean()))
-    return fan._replace(depth_mm=depth_mm, sigma_mm=sigma_mm, moved_mm=size_mm)
+    return _fan(points_mm, usable, scan.step_mm * scan.travel[0], apex_mm, lean)
 
 
 def profiles_in_fan(scan: Scan) -> BoolArray:
@@ -134,7 +122,7 @@ def _fan(
     _fill_between(column_slope)
     sigma_mm = np.empty((rows, columns))
     _take_noise(depth_mm, sigma_mm, *depth_noise(depth_mm, slope))
-    return Fan(x_mm, gap_mm, apex_mm, slope, depth_mm, sigma_mm, column_slope, lean, 0.0)
+    return Fan(x_mm, gap_mm, apex_mm, slope, depth_mm, sigma_mm, column_slope, lean)
 
 
 @compiled

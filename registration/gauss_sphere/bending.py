@@ -81,44 +81,42 @@ def doubted(
     The pieces of a plane share that error: however many there are, they know no more than one.
     """
     near = params.bending.close_rad, params.bending.close_mm
-    return _sharing(pose, target, source, bias_mm, planes_of_pieces(target, *near), params)
+    planes = _number_of(planes_of_pieces(target, *near), pose)
+    shared_mm = bias_mm * np.sqrt(pose.pairs.shape[0] / planes)
+    return _under_error(pose, target, source, float(shared_mm), params)
 
 
 def of_unknown_bias(
     pose: Settled, target: Patches, source: Patches, params: GaussSphereParams
 ) -> Settled:
-    """The pose, no surer than the planes' disagreement makes it where directions share an error.
+    """The pose, no surer than where planes of one direction share the error that they show.
 
     A bias goes with how beams meet a plane, so planes of one direction are off alike: they agree
-    with each other all the same, and however many there are, they know no more than one.
+    with each other all the same, and however many there are, they know no more than one. The pose
+    takes in six of the freedoms of these errors, so the fewer directions, the less of them shows.
+    Only what is beyond the noise counts as error: without a bias the pose stays as sure as it was.
     """
-    direction = gauss_sphere(target, params.bending.close_rad).member
-    errors, likely = _different(direction, pose), likelihood(params.refine)
-    r, t, unused = pose.rotation, pose.shift_mm, np.empty((6, 6))
-    shown_mm = widened(
-        target, source, pose.pairs, likely, pose.floor_mm, r, t, unused, 0.0, errors
-    )  # fmt: skip
-    return _sharing(pose, target, source, shown_mm, direction, params)
+    n, likely, unused = pose.pairs.shape[0], likelihood(params.refine), np.empty((6, 6))
+    r, t, floor_mm = pose.rotation, pose.shift_mm, pose.floor_mm
+    shown_mm = widened(target, source, pose.pairs, likely, floor_mm, r, t, unused, 0.0)
+    directions = _number_of(gauss_sphere(target, params.bending.close_rad).member, pose)
+    left = max(3 * n - 6, 1) / max(3 * n - 6 * n / directions, 1)
+    error_mm = floor_mm + (shown_mm - floor_mm) * np.sqrt(left * n / directions)
+    return _under_error(pose, target, source, float(error_mm), params)
 
 
-def _different(shared_by: IntArray, pose: Settled) -> int:
-    return np.unique(shared_by[pose.pairs[:, 0]]).size
+def _number_of(group: IntArray, pose: Settled) -> int:
+    """How many groups the matched patches of the target belong to; group: (m,) of each patch."""
+    return np.unique(group[pose.pairs[:, 0]]).size
 
 
-def _sharing(
-    pose: Settled,
-    target: Patches,
-    source: Patches,
-    error_mm: float,
-    shared_by: IntArray,
-    params: GaussSphereParams,
+def _under_error(
+    pose: Settled, target: Patches, source: Patches, error_mm: float, params: GaussSphereParams
 ) -> Settled:
-    """The pose under a systematic error that patches with equal shared_by (m,) have in common."""
-    n_pairs = pose.pairs.shape[0]
-    shared_mm = error_mm * np.sqrt(n_pairs / _different(shared_by, pose))
-    sure, floor_mm = np.empty((6, 6)), max(float(shared_mm), pose.floor_mm)
+    """The pose with a systematic error of each plane, or a larger one that the planes show."""
+    sure, floor_mm = np.empty((6, 6)), max(error_mm, pose.floor_mm)
     r, t, likely = pose.rotation, pose.shift_mm, likelihood(params.refine)
-    wide_mm = widened(target, source, pose.pairs, likely, floor_mm, r, t, sure, 0.0, n_pairs)
+    wide_mm = widened(target, source, pose.pairs, likely, floor_mm, r, t, sure, 0.0)
     take_chance(target, source, pose.pairs, likely, wide_mm, r, t, sure)
     return pose._replace(sure=sure, floor_mm=floor_mm)
 

@@ -47,6 +47,13 @@ def covariance_of(pose: Settled, target: View, params: DecisionParams) -> FloatA
     return uncertainty(pose, pose.sure, target, params)[0] if pose.pairs.size else None
 
 
+def widest_covariance_of(pose: Settled, target: View, params: DecisionParams) -> FloatArray | None:
+    """The same where parameters call a direction open: None only if one is not known at all."""
+    scale = params.open_rad, params.open_mm
+    values, _, _, covariance = _principal(target.patches, pose.pairs, pose.sure, *scale)
+    return covariance if values[0] > 0.0 else None
+
+
 def open_units(pose: Settled, target: View, params: DecisionParams) -> FloatArray:
     """(6, 6) perturbations about the target's origin, a column each, that are of one unit of
     params.open_rad or params.open_mm about the middle of the matched surface."""

@@ -23,7 +23,7 @@ from registration.gauss_sphere.decision import (
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.growing import grown
 from registration.gauss_sphere.matching import Settled, different, settle_best
-from registration.gauss_sphere.open_directions import covariance_of, sliding
+from registration.gauss_sphere.open_directions import covariance_of, sliding, widest_covariance_of
 from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, fit_patches
@@ -47,10 +47,6 @@ UNCALIBRATED = (
 UNFIT = (
     "the calibration does not fit the scans, it seems to be of another sensor: corrected by it, "
     "planes are bent as by a bias of up to {:.1f} mm, which the covariance allows for"
-)
-TREMBLING = (
-    "profiles of the {} scan lie {:.1f} mm too near or far: they were moved to where their "
-    "neighbours lie, but what these do not tell is not in the covariance"
 )
 BENT = "planes are bent as by a bias of up to {:.1f} mm, which the covariance allows for"
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
@@ -90,13 +86,8 @@ def register_views(target: View, source: View, params: GaussSphereParams) -> Reg
     """Register two described scans, described with the same parameters."""
     result = _registered(target, source, params)
     notes = () if params.calibration else (UNCALIBRATED,)
-    moved = [
-        TREMBLING.format(name, view.fan.moved_mm)
-        for name, view in (("target", target), ("source", source))
-        if view.fan.moved_mm > 0.0
-    ]
     far = () if result.status == "ok" else _marks(target, source)
-    return replace(result, notes=(*notes, *result.notes, *moved, *far))
+    return replace(result, notes=(*notes, *result.notes, *far)) if notes or far else result
 
 
 def _registered(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
@@ -229,14 +220,11 @@ def _told(best: Settled, unsaid: list[Settled], least_rad: float) -> tuple[str, 
 def _of_unknown_bias(
     verdict: Verdict, best: Settled, target: View, source: View, params: GaussSphereParams
 ) -> Verdict:
-    """The verdict with a covariance that allows for a bias of which no calibration tells.
-
-    Whether a direction is open the verdict has said: where this would open one, it stays as it was.
-    """
+    """The verdict with a covariance that allows for a bias of which no calibration tells."""
     if verdict.covariance is None:
         return verdict
     unsure = of_unknown_bias(best, target.patches, source.patches, params)
-    covariance = covariance_of(unsure, target, params.decision)
+    covariance = widest_covariance_of(unsure, target, params.decision)
     return verdict if covariance is None else verdict._replace(covariance=covariance)
 
 

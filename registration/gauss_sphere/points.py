@@ -9,9 +9,10 @@ import numpy as np
 from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.calibrated import DEPTH, MEASURED, SIGMA, SLOPE, X
 from registration.gauss_sphere.segments import Segments
-from registration.gauss_sphere.spread import GOLDEN_RATIO
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
+
+GOLDEN_RATIO = 0.6180339887498949
 
 
 class Grouped(NamedTuple):

@@ -104,7 +104,6 @@ def widened(
     t: FloatArray,
     information: FloatArray,
     doubt: float,
-    errors: int,
 ) -> float:
     """The information under the least systematic error that explains the planes' disagreement.
 
@@ -113,10 +112,9 @@ def widened(
 
     information: (6, 6) out, for a floor of floor_mm or more, which is returned. doubt: standard
     deviations over the degrees of freedom that the squared distances may sum to before it is more.
-    errors: how many of the pairs' errors differ: the fewer, the more of them the pose has taken in.
     """
     gradient, distance2, difference = np.empty(6), np.empty(pairs.shape[0]), no_difference()
-    freedom = max(3.0 * pairs.shape[0] - 6.0 * pairs.shape[0] / errors, 1.0)
+    freedom = max(3 * pairs.shape[0] - 6, 1)
     low, high = floor_mm, max(likely.widest_mm, floor_mm)
     floor, used = low, low
     for step in range(WIDENING_STEPS):

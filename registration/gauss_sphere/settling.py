@@ -242,8 +242,7 @@ def _finish(
         target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.information[c]
     )  # fmt: skip
     wide_mm = widened(
-        target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.sure[c], 0.0,
-        pairs.shape[0],
+        target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.sure[c], 0.0
     )  # fmt: skip
     take_chance(target.patches, source.patches, pairs, likely, wide_mm, r, t, found.sure[c])
     seen = target.seen, source.seen

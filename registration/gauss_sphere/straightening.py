@@ -70,7 +70,6 @@ def straightened(fan: Fan, points: Grouped, known: Known, turns: int) -> Fan:
         sigma_mm=sigma,
         column_slope=fan.column_slope,
         lean=fan.lean,
-        moved_mm=fan.moved_mm,
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
-from registration.gauss_sphere.spread import GOLDEN_RATIO
+from registration.gauss_sphere.points import GOLDEN_RATIO
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 

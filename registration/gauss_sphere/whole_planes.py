@@ -211,7 +211,7 @@ def _refine(
     before, wide_mm = sure.copy(), 0.0
     for done in range(joining.rounds + 1):
         maximise(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, information, distance2, EXACTLY)
-        wide_mm = widened(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, sure, DOUBT, n)
+        wide_mm = widened(whole_a, whole_b, pairs[:n], likely, 0.0, r, t, sure, DOUBT)
         if done == joining.rounds:
             break
         covariance = np.linalg.inv(sure + BARELY * before)

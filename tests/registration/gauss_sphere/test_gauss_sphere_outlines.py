@@ -238,9 +238,8 @@ def test_chance_is_taken_under_the_systematic_error_that_the_information_has() -
 
     def left(of_wide: bool) -> np.ndarray:
         how = (target.patches, source.patches, pose.pairs, likelihood(params.refine))
-        n = pose.pairs.shape[0]
         information = np.empty((6, 6))
-        wide_mm = widened(*how, pose.floor_mm, pose.rotation, pose.shift_mm, information, 0.0, n)
+        wide_mm = widened(*how, pose.floor_mm, pose.rotation, pose.shift_mm, information, 0.0)
         assert wide_mm > 2.0 * pose.floor_mm
         floor_mm = wide_mm if of_wide else pose.floor_mm
         take_chance(*how, floor_mm, pose.rotation, pose.shift_mm, information)

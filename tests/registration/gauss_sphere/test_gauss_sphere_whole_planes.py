@@ -114,7 +114,7 @@ def settled(target: Patches, source: Patches, pairs: FloatArray) -> Settled:
     r, t, n = np.eye(3), np.zeros(3), len(pairs)
     information, sure, distance2 = np.zeros((6, 6)), np.zeros((6, 6)), np.empty(n)
     maximise(target, source, pairs, likely, 0.005, r, t, information, distance2, EXACTLY)
-    widened(target, source, pairs, likely, 0.005, r, t, sure, 0.0, n)
+    widened(target, source, pairs, likely, 0.005, r, t, sure, 0.0)
     return Settled(r, t, information, sure, 0.005, pairs, distance2, np.zeros(2), 1.0)
 
 
