@@ -28,6 +28,7 @@ from harness.config import load_experiment  # noqa: E402
 from harness.execution import full_spec, scan_view  # noqa: E402
 from harness.random_pairs import build_random_trials  # noqa: E402
 from harness.scoring import COARSE, FINE, exact_pose, pose_error  # noqa: E402
+from harness.trials import Trials  # noqa: E402
 from registration import Scan, register  # noqa: E402
 from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
 
@@ -98,6 +99,13 @@ def judged(scans: list[Scan], T_exact: RigidTransform) -> str:
     return "right" if exact else "inexact" if close else "wrong"
 
 
+def trials_of(count: int, seed: int, changes: Sequence[str] = ()) -> Trials:
+    """So many random pairs of each family; changes: of the config."""
+    pairs = [f"families.{family}.pairs={count}" for family in FAMILIES]
+    overrides = [*pairs, "methods=[{name: gauss_sphere}]", *changes]
+    return build_random_trials(load_experiment(CONFIG, overrides, seed), CONFIG)
+
+
 def count_outcomes(
     description: str,
     seed: int,
@@ -113,11 +121,8 @@ def count_outcomes(
     parser.add_argument("--pairs", type=int, default=20, help="of each family")
     parser.add_argument("--seed", type=int, default=seed)
     options = parser.parse_args()
-    pairs = [f"families.{family}.pairs={options.pairs}" for family in FAMILIES]
-    overrides = [*pairs, "methods=[{name: gauss_sphere}]", *changes]
     counts = {case: Counter[str]() for case in cases}
-    trials = build_random_trials(load_experiment(CONFIG, overrides, options.seed), CONFIG)
-    for number, trial in enumerate(trials):
+    for number, trial in enumerate(trials_of(options.pairs, options.seed, changes)):
         spec = full_spec(trial)
         scans = [scan_view(spec, view) for view in (spec.target, spec.source)]
         T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))

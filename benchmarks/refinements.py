@@ -20,16 +20,14 @@ from functools import partial  # noqa: E402
 from typing import NamedTuple  # noqa: E402
 
 import numpy as np  # noqa: E402
-from missing_returns import CONFIG, FAMILIES, PARAMS  # noqa: E402
+from missing_returns import PARAMS, trials_of  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from scipy.spatial import KDTree  # noqa: E402
 from scipy.spatial.transform import RigidTransform, Rotation  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
 from harness.bound import parameter_deviations  # noqa: E402
-from harness.config import load_experiment  # noqa: E402
 from harness.execution import perform  # noqa: E402
-from harness.random_pairs import build_random_trials  # noqa: E402
 from harness.scoring import (  # noqa: E402
     COARSE,
     Tolerance,
@@ -211,10 +209,8 @@ def condition_of(covariance: FloatArray, middle_mm: FloatArray) -> float:
 
 def drawn_pairs(count: int, seed: int) -> list[Drawn]:
     """So many pairs of each family."""
-    overrides = [f"families.{family}.pairs={count}" for family in FAMILIES]
-    experiment = load_experiment(CONFIG, [*overrides, "methods=[{name: gauss_sphere}]"], seed)
     drawn = []
-    for trial in build_random_trials(experiment, CONFIG):
+    for trial in trials_of(count, seed):
         row, pair = (outcome := perform(trial)).row, outcome.pair
         if pair is None or row.bounds is None:
             raise RuntimeError(f"{trial.pair}: {row.status}: {row.reason}")

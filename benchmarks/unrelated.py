@@ -15,28 +15,19 @@ limit_threads()
 import argparse  # noqa: E402
 import sys  # noqa: E402
 from collections import Counter  # noqa: E402
-from pathlib import Path  # noqa: E402
 
+from missing_returns import FAMILIES, PARAMS, trials_of  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
-from harness.config import load_experiment  # noqa: E402
 from harness.execution import full_spec, scan_view  # noqa: E402
-from harness.random_pairs import build_random_trials  # noqa: E402
 from registration import Scan, register  # noqa: E402
 from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
 
-ROOT = Path(__file__).resolve().parents[1]
-CONFIG = ROOT / "configs" / "random_pairs.yaml"
-CALIBRATION = str(ROOT / "configs" / "calibration" / "jupiter.json")
-FAMILIES = ("desk", "foam_chair", "clutter")
-
 
 def views(count: int, seed: int) -> dict[str, list[tuple[Scan, Scan]]]:
-    overrides = [f"families.{family}.pairs={count}" for family in FAMILIES]
-    experiment = load_experiment(CONFIG, [*overrides, "methods=[{name: gauss_sphere}]"], seed)
     found: dict[str, list[tuple[Scan, Scan]]] = {family: [] for family in FAMILIES}
     # Families take turns.
-    for number, trial in enumerate(build_random_trials(experiment, CONFIG)):
+    for number, trial in enumerate(trials_of(count, seed)):
         spec = full_spec(trial)
         scans = scan_view(spec, spec.target), scan_view(spec, spec.source)
         found[FAMILIES[number % len(FAMILIES)]].append(scans)
@@ -53,7 +44,7 @@ def main() -> int:
     seen = views(options.pairs, options.seed)
     rows, wrong = [], 0
     for label, params in (
-        ("calibrated", GaussSphereParams(calibration=CALIBRATION)),
+        ("calibrated", PARAMS),
         ("without calibration", GaussSphereParams()),
     ):
         for of, to in (*zip(FAMILIES, FAMILIES[1:] + FAMILIES[:1], strict=True), ("clutter",) * 2):

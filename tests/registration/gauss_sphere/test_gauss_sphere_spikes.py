@@ -35,12 +35,15 @@ def test_a_scan_without_spikes_keeps_its_points(seed: int, noise: float) -> None
 
 
 @pytest.mark.parametrize("width", [1, 2, 3])
-@pytest.mark.parametrize("share", [0.05, 0.15, 0.25])
-def test_spikes_are_left_out_and_the_scene_is_kept(share: float, width: int) -> None:
+@pytest.mark.parametrize(("share", "most_left"), [(0.05, 0.1), (0.15, 0.15), (0.25, 0.2)])
+def test_spikes_are_left_out_and_the_scene_is_kept(
+    share: float, most_left: float, width: int
+) -> None:
+    """By chance some spikes lie near to others, or go on: the more there are."""
     scan, wild = with_spikes(clutter_pair(2, 1.0).target, share, width, seed=4)
     usable = usable_points(scan.points_mm)
-    assert usable[wild].mean() < 0.2
-    assert usable[scan.valid & ~wild].mean() > 0.9
+    assert usable[wild].mean() < most_left
+    assert usable[scan.valid & ~wild].mean() > 0.97
 
 
 @pytest.mark.parametrize(("share", "width"), [(0.02, 1), (0.15, 1), (0.3, 1), (0.1, 2), (0.1, 3)])
@@ -78,9 +81,8 @@ def test_a_noisier_or_a_steep_wall_is_kept(wall: str, share: float) -> None:
     depth[wild] = rng.uniform(400.0, 4400.0, wild.sum())
     usable = np.ones(depth.shape, np.bool_)
     leave_out_spikes(depth, usable)
-    kept = usable[~wild].reshape(-1).mean()
-    assert kept == 1.0 if share == 0.0 else kept > 0.97
-    assert usable[wild].sum() <= 0.2 * wild.sum()
+    assert usable[~wild].mean() > (0.97 if share else 0.9999)
+    assert usable[wild].sum() <= 0.16 * wild.sum()
 
 
 @pytest.mark.parametrize("step_mm", [2.0, 15.0, 25.0, 40.0])

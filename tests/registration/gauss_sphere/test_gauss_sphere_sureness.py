@@ -117,16 +117,17 @@ def test_directions_that_share_an_error_know_no_more_than_one_plane_each(
     direction = gauss_sphere(alike_boxes, params.bending.close_rad).member
     assert n > 2 * direction.max()
     distances2 = []
-    for _ in range(200):
+    for _ in range(1000):
         off_mm, off_rad = rng.normal(size=n), rng.normal(size=(n, 3)) / params.refine.floor_lever_mm
         target = turned(moved(alike_boxes, off_mm[direction]), off_rad[direction])
         distances2.append(squared_errors(target, alike_boxes, floor_mm=1.0))
-    # Inside what should hold 50 and 99 %; the size of the errors is estimated, on 21 freedoms.
+    # Inside what should hold 50 and 99 %: as their size is estimated on 21 freedoms, by F(6, 21)
+    # 48 and 96 % are.
     half, nearly_all = ((np.array(distances2) < limit).mean(axis=0) for limit in (5.35, 16.8))
     assert half[0] < 0.1
-    assert 0.35 < half[1] < 0.65
+    assert 0.4 < half[1] < 0.55
     assert nearly_all[0] < 0.5
-    assert nearly_all[1] > 0.9
+    assert nearly_all[1] > 0.93
 
 
 def test_noise_alone_makes_directions_share_next_to_nothing(alike_boxes: Patches) -> None:
@@ -135,11 +136,11 @@ def test_noise_alone_makes_directions_share_next_to_nothing(alike_boxes: Patches
     noisy = alike_boxes._replace(covariance=400.0 * alike_boxes.covariance)
     root = np.linalg.cholesky(2.0 * noisy.covariance)  # of both views
     distances2 = []
-    for _ in range(200):
+    for _ in range(1000):
         off = np.einsum("mij,mj->mi", root, rng.normal(size=(n, 3)))
         off_rad = np.einsum("mvi,mv->mi", noisy.basis, off[:, :2])
         target = turned(moved(noisy, off[:, 2]), off_rad)
         distances2.append(squared_errors(target, noisy, floor_mm=0.005))
     apart, together = np.mean(distances2, axis=0)
-    assert 4.0 < apart < 7.0
+    assert 4.0 < apart < 6.0  # chance widens some: planes differ by more than expected
     assert together > 0.85 * apart
