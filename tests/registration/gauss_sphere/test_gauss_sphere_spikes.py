@@ -35,14 +35,12 @@ def test_a_scan_without_spikes_keeps_its_points(seed: int, noise: float) -> None
 
 
 @pytest.mark.parametrize("width", [1, 2, 3])
-@pytest.mark.parametrize(("share", "most_left"), [(0.05, 0.1), (0.15, 0.15), (0.25, 0.2)])
-def test_spikes_are_left_out_and_the_scene_is_kept(
-    share: float, most_left: float, width: int
-) -> None:
-    """By chance some spikes lie near to others, or go on: the more there are."""
+@pytest.mark.parametrize("share", [0.05, 0.15, 0.25])
+def test_spikes_are_left_out_and_the_scene_is_kept(share: float, width: int) -> None:
+    """Four of five spikes at least: by chance some lie near to others, or go on."""
     scan, wild = with_spikes(clutter_pair(2, 1.0).target, share, width, seed=4)
     usable = usable_points(scan.points_mm)
-    assert usable[wild].mean() < most_left
+    assert usable[wild].mean() < 0.2
     assert usable[scan.valid & ~wild].mean() > 0.97
 
 
