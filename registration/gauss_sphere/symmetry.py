@@ -14,9 +14,10 @@ import numpy as np
 
 from registration.gauss_sphere.decision import agreeing_patches, agreeing_planes
 from registration.gauss_sphere.matching import Settled, different, settle_best
-from registration.gauss_sphere.outlines import Ends, as_ends, outlines_of
+from registration.gauss_sphere.outlines import as_ends, outlines_of
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
-from registration.gauss_sphere.testimony import ANY_WAY, said, said_of_ends
+from registration.gauss_sphere.placing import placed, placed_by_some
+from registration.gauss_sphere.testimony import ANY_WAY, said
 from registration.gauss_sphere.turning import REPEATED_MM, Turning, is_nearly_free, turned_poses
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
@@ -25,7 +26,6 @@ from registration.gauss_sphere.verification import (
     comparison,
 )
 from registration.gauss_sphere.view import View
-from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 SIDES_OF_PRISMS = (2, 3, 4, 5, 6, 8)  # that look the same a turn of 360 degrees / sides further
@@ -33,7 +33,9 @@ SIDES_OF_PRISMS = (2, 3, 4, 5, 6, 8)  # that look the same a turn of 360 degrees
 TURNS_RAD = np.deg2rad(np.unique([360.0 * k / n for n in SIDES_OF_PRISMS for k in range(n)]))
 NEARLY = 0.8  # of the score it needs, what it must have before it is placed
 LIKE_BEST = 0.6  # of the best score: other settled poses are asked from there on
-OPEN_STEPS_MM = (8.0, 4.0, 2.0)  # along which a pose is moved to where ends of faces confirm it
+# What some ends of faces say of a pose, for all of them to be asked: they must confirm so much of
+# the share that all must, or say something of no more than so many of them, where silence counts.
+ROUGHLY, NEARLY_SILENT = 0.4, 0.3
 AS_GOOD = 0.98  # of a pose's score: what its planes must reach to have it where they want it
 
 
@@ -68,31 +70,30 @@ def symmetric_rivals(
     agreeing = agreeing_patches(best, target, decision)
     if not 0 < len(agreeing) <= decision.turned_planes:
         return [], []
+    few = len(agreeing) <= decision.silent_planes
     found = _found(settled, agreeing, target, source, params)
+    found = _worth_asking(found, best, few, target, source, params)
     if not found:
         return [], []
     ends = as_ends(outlines_of(target, how)), as_ends(outlines_of(source, how))
     least = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
     confirmed, denied = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
     most_denied = denied / max(confirmed + denied, how.least) + decision.turned_denied
-    few = len(agreeing) <= decision.silent_planes
     enough, rivals, unsaid = _enough_planes(len(agreeing), decision), [], []
     for pose, along, further_along in found:
-        t = pose.shift_mm.copy()
-        confirmed, denied = _placed(
-            target, source, *ends, pose.rotation, t, along, np.array(OPEN_STEPS_MM), how.off_mm,
-            how.on_mm, how.behind_mm,
-        )  # fmt: skip
-        placed = _scored(pose._replace(shift_mm=t), target, source, params)
-        if not _allowed(placed, best, decision):
+        t, confirmed, denied = placed(
+            target, source, ends, pose.rotation, pose.shift_mm, along, how
+        )
+        there = _scored(pose._replace(shift_mm=t), target, source, params)
+        if not _allowed(there, best, decision):
             continue
         silent = confirmed + denied < how.least and denied <= most_denied * how.least
-        if few and silent and placed.score > decision.silent_share * best.score:
-            unsaid.append(placed)
+        if few and silent and there.score > decision.silent_share * best.score:
+            unsaid.append(there)
         if confirmed < least or denied > most_denied * (confirmed + denied):
             continue
-        rival, n_planes = _settled(placed, best, target, source, params)
-        away_mm = np.linalg.norm(placed.shift_mm - best.shift_mm)
+        rival, n_planes = _settled(there, best, target, source, params)
+        away_mm = np.linalg.norm(there.shift_mm - best.shift_mm)
         if not further_along or (n_planes >= enough and away_mm >= REPEATED_MM):
             rivals.append(rival)
     return different(rivals, source, decision), different(unsaid, source, decision)
@@ -135,6 +136,39 @@ def _found(
     found = [*turned, *others]
     unlike = different([one.pose for one in found], source, decision)
     return [one for pose in unlike for one in found if one.pose is pose]
+
+
+def _worth_asking(
+    found: list[Found],
+    best: Settled,
+    few: bool,
+    target: View,
+    source: View,
+    params: GaussSphereParams,
+) -> list[Found]:
+    """Those that some ends of faces do not already tell from rivals, nor from poses in silence.
+
+    few: whether so few planes agree on the best pose that these count.
+    """
+    if not found:
+        return []
+    poses, how = [one.pose for one in found], params.outlines
+    words, n_ends = placed_by_some(
+        target,
+        source,
+        np.array([pose.rotation for pose in poses]),
+        np.array([pose.shift_mm for pose in poses]),
+        np.array([one.along for one in found]),
+        how,
+    )
+    confirmed = words[:, 0] >= ROUGHLY * how.confirmed_share * n_ends
+    silent = words.sum(axis=1) <= NEARLY_SILENT * n_ends
+    least = NEARLY * params.decision.silent_share * best.score
+    return [
+        one
+        for one, is_confirmed, is_silent in zip(found, confirmed, silent, strict=True)
+        if is_confirmed or (few and is_silent and one.pose.score > least)
+    ]
 
 
 def _largest(patches: IntArray, view: View) -> int:
@@ -211,48 +245,3 @@ def _turned(
         if is_nearly_free(pose.areas):
             found.append(Found(pose, turned.along[c], bool(turned.unturned[c])))
     return found
-
-
-@compiled
-def _placed(
-    target: View,
-    source: View,
-    of_target: Ends,
-    of_source: Ends,
-    r: FloatArray,
-    t: FloatArray,
-    along: FloatArray,
-    steps_mm: FloatArray,
-    off_mm: float,
-    on_mm: float,
-    behind_mm: float,
-) -> tuple[int, int]:
-    """Move a pose along two directions to where most ends of faces confirm it, and fewest deny it.
-
-    Support does not tell where along its planes it is. t (3,) is changed in place; along: (2, 3).
-    Returns how many ends confirm it, and how many deny it.
-    """
-    any_way, trial, how = np.zeros(3), np.empty(3), (off_mm, on_mm, behind_mm)
-    words = said_of_ends(r, t, target, source, of_target, of_source, any_way, *how)
-    in_vain = np.empty((2, 2), np.bool_)  # ways that lead to no better place from here
-    for step_mm in steps_mm:
-        in_vain[:] = False
-        for _ in range(3):
-            for axis in range(2):
-                for way in range(2):
-                    if in_vain[axis, way]:
-                        continue
-                    for u in range(3):
-                        trial[u] = t[u] + (2 * way - 1) * step_mm * along[axis, u]
-                    there = said_of_ends(
-                        r, trial, target, source, of_target, of_source, any_way, *how
-                    )
-                    in_vain[axis, way] = True
-                    if there[0] - there[1] > words[0] - words[1]:
-                        words = there
-                        t[:] = trial
-                        in_vain[:] = False
-                        in_vain[axis, 1 - way] = True  # back to where it was
-            if in_vain.all():
-                break
-    return words

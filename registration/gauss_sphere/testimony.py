@@ -64,12 +64,12 @@ def said(
     across: (3,) only those count that lead out of the face along it; 0 for all.
     """
     how = params.off_mm, params.on_mm, params.behind_mm
-    counts: tuple[int, int] = said_of_ends(r, t, target, source, *ends, across, *how)
+    counts: tuple[int, int] = _said(r, t, target, source, *ends, across, *how)
     return counts
 
 
 @compiled
-def said_of_ends(
+def _said(
     r: FloatArray,
     t: FloatArray,
     target: View,
@@ -81,17 +81,43 @@ def said_of_ends(
     on_mm: float,
     behind_mm: float,
 ) -> tuple[int, int]:
-    """As `said`, for compiled loops."""
+    off = off_both_sides(target, source, off_mm)
+    return said_of_ends(
+        r, t, target.seen, source.seen, of_target, of_source, across, off, on_mm, behind_mm
+    )
+
+
+@compiled
+def said_of_ends(
+    r: FloatArray,
+    t: FloatArray,
+    target: Seen,
+    source: Seen,
+    of_target: Ends,
+    of_source: Ends,
+    across: FloatArray,
+    off_mm: float,
+    on_mm: float,
+    behind_mm: float,
+) -> tuple[int, int]:
+    """As `said`, for compiled loops: with off_mm of off_both_sides."""
     back_r, back_t, back_across = r.T.copy(), np.zeros(3), np.zeros(3)
     for u in range(3):
         for v in range(3):
             back_t[u] -= back_r[u, v] * t[v]
             back_across[u] += back_r[u, v] * across[v]
-    # Where a face ends is known to half a cell, and so is where the other view looked.
-    off = max(off_mm, 0.5 * (_cell_mm(target) + _cell_mm(source)))
-    one = _told(target.seen, of_source, r, t, across, off, on_mm, behind_mm)
-    other = _told(source.seen, of_target, back_r, back_t, back_across, off, on_mm, behind_mm)
+    one = _told(target, of_source, r, t, across, off_mm, on_mm, behind_mm)
+    other = _told(source, of_target, back_r, back_t, back_across, off_mm, on_mm, behind_mm)
     return one[0] + other[0], one[1] + other[1]
+
+
+@compiled
+def off_both_sides(target: View, source: View, off_mm: float) -> float:
+    """How far to both sides of an outline the other view is asked: see OutlineParams.off_mm.
+
+    Where a face ends is known to half a cell, and so is where the other view looked.
+    """
+    return max(off_mm, 0.5 * (_cell_mm(target) + _cell_mm(source)))
 
 
 @compiled
@@ -108,9 +134,7 @@ def _said_of_some(
 ) -> tuple[int, int]:
     of_target = ends_of(target.fan, target.patches, behind_mm, missing_pixels, every)
     of_source = ends_of(source.fan, source.patches, behind_mm, missing_pixels, every)
-    return said_of_ends(
-        r, t, target, source, of_target, of_source, np.zeros(3), off_mm, on_mm, behind_mm
-    )
+    return _said(r, t, target, source, of_target, of_source, np.zeros(3), off_mm, on_mm, behind_mm)
 
 
 @compiled

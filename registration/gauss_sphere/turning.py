@@ -32,6 +32,8 @@ OFFERED = 1.5
 # That a pose which is not turned is moved by, at least. Nearer ones were the pose itself, slid
 # along where little tells, as often as they were another.
 REPEATED_MM = 60.0
+WORTH_FINE_STEPS = 0.65  # of the score that a pose needs: with less wide steps were in vain
+FAR_FROM_FREE = 0.15  # contradiction over support after wide steps, from which on they were, too
 FAR_OFF = 0.5  # contradiction over support from which on it is not moved, either
 NEARLY_FREE = 0.05  # with less it may be where it belongs, but for a few mm
 
@@ -219,6 +221,11 @@ def _move_to_fit(
             compare_both(*seen, how, r, t, tolerance_mm, stride, counts, some)
             best = score_of(how, some)
             in_vain[:] = False
+            if step_mm <= FINE_MM and (
+                best < WORTH_FINE_STEPS * turning.needed
+                or some[CONTRADICTION] > FAR_FROM_FREE * some[SUPPORT]
+            ):
+                break
         for axis in range(2):
             for way in range(2):
                 if in_vain[axis, way]:
