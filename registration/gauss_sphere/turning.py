@@ -101,11 +101,11 @@ def turned_poses(
     for c in np.argsort(-start, kind="mergesort"):
         known, alike_mm = False, turning.distinct_mm if unturned[c] else np.inf
         for k in range(start.size):
-            alike = are_same(
-                rotations[c], shifts[c], rotations[k], shifts[k], nowhere, turning.distinct_rad,
-                alike_mm,
-            )  # fmt: skip
-            known = known or (alike and score[k] > turning.needed and is_nearly_free(areas[k]))
+            if score[k] > turning.needed and is_nearly_free(areas[k]):
+                known = known or are_same(
+                    rotations[c], shifts[c], rotations[k], shifts[k], nowhere,
+                    turning.distinct_rad, alike_mm,
+                )  # fmt: skip
         if known:
             continue
         _move_to_fit(target, source, how, turning, rotations[c], shifts[c], along[c], counts)
@@ -137,16 +137,23 @@ def _starts(
     With them the turn (n,) in rad, the patch (n,) about whose normal it is, and the pose's score
     (n,) by some samples.
     """
-    a, b, turns = target.patches, source.patches, turning.turns_rad
+    a, b, turns, seen = (
+        target.patches,
+        source.patches,
+        turning.turns_rad,
+        (target.seen, source.seen),
+    )
+    few, some, tolerance_mm = turning.strides[0], turning.strides[1], turning.tolerance_mm
     pairs = pairs_in_planes(
         a, b, turning.patches, turning.cos_alike, turning.apart_mm, r, t, agreeing
     )
     room = pairs.shape[0] * turns.size
     rotations, shifts, plane = np.empty((room, 3, 3)), np.empty((room, 3)), np.empty(room, np.int64)
     turn, start, step, nowhere = np.empty(room), np.empty(room), np.zeros(6), np.zeros(3)
+    areas = np.empty(2)
     counts = np.empty((a.n_points.size, b.n_points.size), np.int64)
     level, turned, there = np.empty(counts.shape, np.bool_), np.empty((3, 3)), np.empty(3)
-    n, first, apart_mm = 0, 0, turning.apart_mm + turning.tolerance_mm
+    n, first, apart_mm = 0, 0, turning.apart_mm + tolerance_mm
     while first < pairs.shape[0]:
         about, past = pairs[first, 2], first + 1
         while past < pairs.shape[0] and pairs[past, 2] == about:
@@ -162,33 +169,19 @@ def _starts(
                     there[u] = a.centroid_mm[i, u] - dot(turned[u], b.centroid_mm[j])
                 if turns[k] == 0.0 and _distance(there, t) < REPEATED_MM:
                     continue
-                score = _score_at_start(target, source, how, turning, turned, there, counts)
-                if score >= WORTH_MOVING * turning.needed:
+                # A few samples speak against most of them.
+                compare_both(*seen, how, turned, there, tolerance_mm, few, counts, areas)
+                if areas[SUPPORT] < max(WORTH_LOOKING * turning.needed, areas[CONTRADICTION]):
+                    continue
+                compare_both(*seen, how, turned, there, tolerance_mm, some, counts, areas)
+                score = score_of(how, areas)
+                free = areas[CONTRADICTION] <= FAR_OFF * areas[SUPPORT]
+                if free and score >= WORTH_MOVING * turning.needed:
                     rotations[n], shifts[n], turn[n], plane[n] = turned, there, turns[k], about
                     start[n] = score
                     n += 1
         first = past
     return rotations[:n], shifts[:n], turn[:n], plane[:n], start[:n]
-
-
-@compiled
-def _score_at_start(
-    target: View,
-    source: View,
-    how: Comparison,
-    turning: Turning,
-    r: FloatArray,
-    t: FloatArray,
-    counts: IntArray,
-) -> float:
-    """The score of a pose by some samples, -inf where a few of them speak against moving it."""
-    seen, some = (target.seen, source.seen), np.empty(2)
-    compare_both(*seen, how, r, t, turning.tolerance_mm, turning.strides[0], counts, some)
-    if some[SUPPORT] < max(WORTH_LOOKING * turning.needed, some[CONTRADICTION]):
-        return -np.inf
-    compare_both(*seen, how, r, t, turning.tolerance_mm, turning.strides[1], counts, some)
-    free = some[CONTRADICTION] <= FAR_OFF * some[SUPPORT]
-    return score_of(how, some) if free else -np.inf
 
 
 @compiled
