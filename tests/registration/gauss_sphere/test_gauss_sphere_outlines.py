@@ -28,6 +28,7 @@ from registration.gauss_sphere.open_directions import uncertainty
 from registration.gauss_sphere.outlines import as_ends, ends_of, outlines_of
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, OutlineParams
 from registration.gauss_sphere.pipeline import describe
+from registration.gauss_sphere.placing import STEPS_MM, placed, placed_by_some
 from registration.gauss_sphere.refine import likelihood, widened
 from registration.gauss_sphere.testimony import ANY_WAY, said
 
@@ -142,6 +143,36 @@ def test_views_confirm_outlines_under_the_true_pose_and_deny_them_beside_it(seed
     assert denied < 0.05 * confirmed
     confirmed, denied = words(30.0)
     assert denied > 0.3 * confirmed
+
+
+@pytest.mark.parametrize("off_mm", [-21.0, 18.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_ends_of_faces_place_a_pose_where_planes_leave_it_open(seed: int, off_mm: float) -> None:
+    pair = pair_of(boards(np.random.default_rng(seed)), np.random.default_rng(seed))
+    target, source = (describe(scan, GaussSphereParams()) for scan in (pair.target, pair.source))
+    r = np.ascontiguousarray(pair.T_target_source.rotation.as_matrix())
+    open_way, other = ROOM.apply([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    exact = np.asarray(pair.T_target_source.translation)
+    start, along = exact + off_mm * open_way, np.array([open_way, other])
+    ends = as_ends(outlines_of(target, HOW)), as_ends(outlines_of(source, HOW))
+    before = said(r, start, target, source, ends, ANY_WAY, HOW)
+
+    there, *words = placed(target, source, ends, r, start, along, HOW)
+
+    assert tuple(words) == said(r, there, target, source, ends, ANY_WAY, HOW)
+    assert words[0] - words[1] > before[0] - before[1]
+    # Ends tell places apart that are more than off_mm away from them, on either side.
+    assert abs((there - exact) @ open_way) < HOW.off_mm + STEPS_MM[-1]
+    far = start + 150.0 * open_way
+    starts = np.array([start, exact, far])
+    some, n_ends = placed_by_some(
+        target, source, np.array([r] * 3), starts, np.array([along] * 3), HOW
+    )
+    assert 0 < n_ends < len(ends[0].point_mm) + len(ends[1].point_mm)
+    shares = some[:, 0] / n_ends
+    assert (shares[:2] > HOW.confirmed_share).all()
+    assert shares[2] < shares[:2].min()
+    np.testing.assert_array_equal(starts[0], start)  # poses given stay as they are
 
 
 @pytest.mark.parametrize("seed", range(4))
