@@ -108,8 +108,10 @@ def turned_poses(
                 )  # fmt: skip
         if known:
             continue
-        _move_to_fit(target, source, how, turning, rotations[c], shifts[c], along[c], counts)
-        if unturned[c] and _distance(shifts[c], t) < REPEATED_MM:
+        hopeful = _move_to_fit(
+            target, source, how, turning, rotations[c], shifts[c], along[c], counts
+        )
+        if not hopeful or (unturned[c] and _distance(shifts[c], t) < REPEATED_MM):
             continue
         compare_both(*seen, how, rotations[c], shifts[c], turning.tolerance_mm, 1, counts, areas[c])
         score[c] = score_of(how, areas[c])
@@ -199,8 +201,11 @@ def _move_to_fit(
     t: FloatArray,
     along: FloatArray,
     counts: IntArray,
-) -> None:
-    """Move a pose along two directions (2, 3) to a better score: t (3,) is changed in place."""
+) -> bool:
+    """Move a pose along two directions (2, 3) to a better score: t (3,) is changed in place.
+
+    Returns False where wide steps lead to so little that no fine ones are taken.
+    """
     seen, some, trial = (target.seen, source.seen), np.empty(2), np.empty(3)
     tolerance_mm, stride = turning.tolerance_mm, 0
     best, step_mm = 0.0, WIDEST_STEP_MM
@@ -218,7 +223,7 @@ def _move_to_fit(
                 best < WORTH_FINE_STEPS * turning.needed
                 or some[CONTRADICTION] > FAR_FROM_FREE * some[SUPPORT]
             ):
-                break
+                return False
         for axis in range(2):
             for way in range(2):
                 if in_vain[axis, way]:
@@ -236,3 +241,4 @@ def _move_to_fit(
         if in_vain.all():
             step_mm *= 0.5
             in_vain[:] = False
+    return True
