@@ -7,9 +7,10 @@ Pairs are those of configs/random_pairs.yaml with another seed, so that nothing 
 reported. Methods take turns on each pair, another one first in each turn, so that a machine whose
 speed changes is as fast for one as for the other; of the two calls of a turn the faster one counts,
 as the first finds the caches as another method left them. Times are the least of the turns on a
-pair, which is what a method needs when nothing else runs, in the median over pairs. Ratios are
-those within a turn, in the median of the turns on a pair, then the median, least and most over
-pairs. Peers that are not installed are left out, and told. With --all-cores peers may use every
+pair, which is what a method needs when nothing else runs, in the median and mean over pairs.
+Ratios are those within a turn, in the median of the turns on a pair, then the median, least and
+most over pairs, and last the ratio of the times that all pairs take together. Peers that are not
+installed are left out, and told. With --all-cores peers may use every
 core, as they do by default; our methods use one all the same.
 """
 
@@ -161,24 +162,27 @@ def table(chosen: list[Entry], errors: list[list[PoseError | None]], times_ms: F
         beside["the fastest peer"] = min(peers, key=lambda e: middle_ms[e])
     rows = []
     for e in np.argsort(middle_ms):
-        ratios = [_over_pairs(times_ms[e] / times_ms[other]) for other in beside.values()]
+        ratios = [_ratios(times_ms[e], times_ms[other]) for other in beside.values()]
         rows.append(
             [
-                labels[e], middle_ms[e], least_ms[e].max(), *ratios,
+                labels[e], middle_ms[e], least_ms[e].mean(), least_ms[e].max(), *ratios,
                 *(sum(is_success(error, t) for error in errors[e]) for t in (FINE, COARSE)),
             ]
         )  # fmt: skip
     headers = [
-        "method", "median pair (ms)", "slowest pair (ms)",
-        *(f"times as long as {name} (of pairs)" for name in beside),
+        "method", "median pair (ms)", "mean pair (ms)", "slowest pair (ms)",
+        *(f"times as long as {name} (of pairs; all of them)" for name in beside),
         *(f"within {t.rotation_deg:g} deg, {t.translation_mm:g} mm" for t in (FINE, COARSE)),
     ]  # fmt: skip
     return tabulate(rows, headers, "github", floatfmt=".1f")
 
 
-def _over_pairs(ratios: FloatArray) -> str:
-    of_pairs = np.median(ratios, axis=1)
-    return f"{np.median(of_pairs):.2f} ({of_pairs.min():.2f} to {of_pairs.max():.2f})"
+def _ratios(times_ms: FloatArray, others_ms: FloatArray) -> str:
+    """How many times as long a method took as another: of pairs, and of all pairs together."""
+    of_pairs = np.median(times_ms / others_ms, axis=1)
+    of_all = times_ms.min(axis=1).sum() / others_ms.min(axis=1).sum()
+    span = f"{of_pairs.min():.2f} to {of_pairs.max():.2f}"
+    return f"{np.median(of_pairs):.2f} ({span}; {of_all:.2f})"
 
 
 def main() -> None:
