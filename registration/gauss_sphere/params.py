@@ -241,6 +241,7 @@ class OutlineParams(Checked):
     every: of so many profiles and pixels one is looked at for ends of faces where an answer is
         "ok": if the views deny more than refuted_share of those that they know of, outlines are
         asked, and it is taken back where that is true of them, and of refuting_share of them all.
+        Poses that symmetry allows are told apart by the same ends, before all are asked.
     off_mm: how far to both sides of an outline the other view is asked, or half a cell of both
         views together, if that is more; on_mm: how far from its plane.
     least, confirmed_share: points, and share of all, that must be confirmed. denied_share: of those

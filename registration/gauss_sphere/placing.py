@@ -31,7 +31,7 @@ def placed(
     Returns t there, how many ends confirm the pose, and how many deny it.
     """
     there, how = t.copy(), (params.off_mm, params.on_mm, params.behind_mm)
-    confirmed, denied = _placed(target, source, *ends, r, there, along, STEPS_MM, *how)
+    confirmed, denied, _ = _placed(target, source, *ends, r, there, along, STEPS_MM, *how)
     return there, confirmed, denied
 
 
@@ -46,7 +46,9 @@ def placed_by_some(
     """What some ends of faces, which cost little to ask, say of poses that are moved as they like.
 
     r: (n, 3, 3), t: (n, 3), along: (n, 2, 3), as of `placed`.
-    Returns (n, 2) how many of them confirm each pose, and deny it, and how many there are.
+    Returns (n, 3) how many of them confirm each pose and deny it where they leave it, and how many
+    confirm it at most, of all places that are tried: so few may lead it astray. With these goes how
+    many there are.
     """
     how = params.off_mm, params.on_mm, params.behind_mm
     looked = params.missing_pixels, params.every
@@ -70,9 +72,9 @@ def _placed_by_some(
 ) -> tuple[IntArray, int]:
     of_target = ends_of(target.fan, target.patches, behind_mm, missing_pixels, every)
     of_source = ends_of(source.fan, source.patches, behind_mm, missing_pixels, every)
-    words = np.empty((t.shape[0], 2), np.int64)
+    words = np.empty((t.shape[0], 3), np.int64)
     for c in range(t.shape[0]):
-        words[c, 0], words[c, 1] = _placed(
+        words[c, 0], words[c, 1], words[c, 2] = _placed(
             target, source, of_target, of_source, r[c], t[c].copy(), along[c], steps_mm, off_mm,
             on_mm, behind_mm,
         )  # fmt: skip
@@ -92,11 +94,15 @@ def _placed(
     off_mm: float,
     on_mm: float,
     behind_mm: float,
-) -> tuple[int, int]:
-    """As `placed`, for compiled loops: t (3,) is changed in place."""
+) -> tuple[int, int, int]:
+    """As `placed`, for compiled loops: t (3,) is changed in place.
+
+    Last goes how many ends confirm the pose at most, of all places that are tried.
+    """
     any_way, trial, seen = np.zeros(3), np.empty(3), (target.seen, source.seen)
     how = off_both_sides(target, source, off_mm), on_mm, behind_mm
     words = said_of_ends(r, t, *seen, of_target, of_source, any_way, *how)
+    most = words[0]
     in_vain = np.empty((2, 2), np.bool_)  # ways that lead to no better place from here
     for step_mm in steps_mm:
         in_vain[:] = False
@@ -108,7 +114,7 @@ def _placed(
                     for u in range(3):
                         trial[u] = t[u] + (2 * way - 1) * step_mm * along[axis, u]
                     there = said_of_ends(r, trial, *seen, of_target, of_source, any_way, *how)
-                    in_vain[axis, way] = True
+                    in_vain[axis, way], most = True, max(most, there[0])
                     if there[0] - there[1] > words[0] - words[1]:
                         words = there
                         t[:] = trial
@@ -116,4 +122,4 @@ def _placed(
                         in_vain[axis, 1 - way] = True  # back to where it was
             if in_vain.all():
                 break
-    return words
+    return words[0], words[1], most

@@ -35,7 +35,7 @@ NEARLY = 0.8  # of the score it needs, what it must have before it is placed
 LIKE_BEST = 0.6  # of the best score: other settled poses are asked from there on
 # What some ends of faces say of a pose, for all of them to be asked: they must confirm so much of
 # the share that all must, or say something of no more than so many of them, where silence counts.
-ROUGHLY, NEARLY_SILENT = 0.4, 0.3
+ROUGHLY_CONFIRMED, NEARLY_SILENT = 0.4, 0.3
 AS_GOOD = 0.98  # of a pose's score: what its planes must reach to have it where they want it
 
 
@@ -161,8 +161,10 @@ def _worth_asking(
         np.array([one.along for one in found]),
         how,
     )
-    confirmed = words[:, 0] >= ROUGHLY * how.confirmed_share * n_ends
-    silent = words.sum(axis=1) <= NEARLY_SILENT * n_ends
+    if n_ends < how.least:  # too few to tell
+        return found
+    confirmed = words[:, 2] >= ROUGHLY_CONFIRMED * how.confirmed_share * n_ends
+    silent = words[:, :2].sum(axis=1) <= NEARLY_SILENT * n_ends
     least = NEARLY * params.decision.silent_share * best.score
     return [
         one

@@ -157,22 +157,31 @@ def test_ends_of_faces_place_a_pose_where_planes_leave_it_open(seed: int, off_mm
     ends = as_ends(outlines_of(target, HOW)), as_ends(outlines_of(source, HOW))
     before = said(r, start, target, source, ends, ANY_WAY, HOW)
 
+    given = start.copy()
     there, *words = placed(target, source, ends, r, start, along, HOW)
 
+    np.testing.assert_array_equal(start, given)
     assert tuple(words) == said(r, there, target, source, ends, ANY_WAY, HOW)
     assert words[0] - words[1] > before[0] - before[1]
     # Ends tell places apart that are more than off_mm away from them, on either side.
     assert abs((there - exact) @ open_way) < HOW.off_mm + STEPS_MM[-1]
-    far = start + 150.0 * open_way
-    starts = np.array([start, exact, far])
-    some, n_ends = placed_by_some(
-        target, source, np.array([r] * 3), starts, np.array([along] * 3), HOW
-    )
-    assert 0 < n_ends < len(ends[0].point_mm) + len(ends[1].point_mm)
-    shares = some[:, 0] / n_ends
-    assert (shares[:2] > HOW.confirmed_share).all()
-    assert shares[2] < shares[:2].min()
-    np.testing.assert_array_equal(starts[0], start)  # poses given stay as they are
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_some_ends_of_faces_place_a_pose_as_all_do(seed: int) -> None:
+    pair = pair_of(boards(np.random.default_rng(seed)), np.random.default_rng(seed))
+    views = tuple(describe(scan, GaussSphereParams()) for scan in (pair.target, pair.source))
+    r = np.ascontiguousarray(pair.T_target_source.rotation.as_matrix())
+    along, how = ROOM.apply([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), (HOW.behind_mm, HOW.missing_pixels)
+    some = tuple(ends_of(view.fan, view.patches, *how, HOW.every) for view in views)
+    starts = np.asarray(pair.T_target_source.translation) + np.outer([-21.0, 0.0, 150.0], along[0])
+
+    words, n_ends = placed_by_some(*views, np.array([r] * 3), starts, np.array([along] * 3), HOW)
+
+    assert n_ends == sum(len(ends.point_mm) for ends in some)
+    for t, (confirmed, denied, most) in zip(starts, words, strict=True):
+        assert (confirmed, denied) == placed(*views, some, r, t, along, HOW)[1:]
+        assert max(confirmed, said(r, t, *views, some, ANY_WAY, HOW)[0]) <= most <= n_ends
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -71,11 +72,15 @@ def is_right(estimate: RigidTransform | None, exact: RigidTransform) -> bool:
 
 
 def seen_twice(
-    things: list[Plates], views: list[RigidTransform], rng: np.random.Generator, noise: float
+    things: list[Plates],
+    views: list[RigidTransform],
+    rng: np.random.Generator,
+    noise: float,
+    profiles: int = 80,
 ) -> Pair:
     scene = join(FLOOR, *things)
     target, source = (
-        scan_plates(move_plates(scene, view), profiles=80, noise=noise, rng=rng) for view in views
+        scan_plates(move_plates(scene, view), profiles, noise=noise, rng=rng) for view in views
     )
     return Pair(target, source, views[0] * views[1].inv())
 
@@ -100,7 +105,7 @@ def turned_by(yaw_rad: float, x: float, y: float) -> tuple[float, float]:
     return float(c * x - s * y), float(s * x + c * y)
 
 
-def twins_from_two_sides(seed: int, noise: float) -> Pair:
+def twins_from_two_sides(seed: int, noise: float, profiles: int = 80) -> Pair:
     """Two equal boxes side by side, seen by two sensors that look down on them from two sides."""
     rng = np.random.default_rng(seed)
     yaw, half = rng.uniform(0.0, np.pi), list(rng.uniform([30.0, 30.0, 20.0], 60.0))
@@ -110,7 +115,7 @@ def twins_from_two_sides(seed: int, noise: float) -> Pair:
         tilted(rng.uniform(-20.0, 20.0), rng.uniform(-8.0, 8.0), sign * rng.uniform(10.0, 40.0))
         for sign in (-1.0, 1.0)
     ]
-    return seen_twice(things, views, rng, noise)
+    return seen_twice(things, views, rng, noise, profiles)
 
 
 def laid_table(seed: int) -> Pair:
@@ -193,6 +198,25 @@ def test_things_that_tell_sides_apart_leave_one_pose() -> None:
     counts, _ = counted([laid_table(seed) for seed in range(16)])
     assert counts["wrong"] == 0
     assert counts["right"] >= 14
+
+
+def test_no_rival_is_lost_by_asking_some_ends_of_faces_first() -> None:
+    # Of the last pair, some ends confirm the true pose less where they move it than where it was.
+    pairs = [
+        *(tiers_from_two_sides(seed, 1.0) for seed in range(8)),
+        *(box_from_above(seed, [75.0, 75.0, 75.0]) for seed in range(8)),
+        *(twins_from_two_sides(seed, 0.1) for seed in range(8)),
+        twins_from_two_sides(5354, 1.0, profiles=100),
+    ]
+    loud = replace(PARAMS, decision=replace(PARAMS.decision, silent_planes=0))
+    some = [register(pair.target, pair.source, params=loud) for pair in pairs]
+    with patch("registration.gauss_sphere.symmetry._worth_asking", lambda found, *_: found):
+        every = [register(pair.target, pair.source, params=loud) for pair in pairs]
+    assert Counter(result.status for result in every)["ambiguous"] >= 8
+    assert every[-1].status == "ambiguous"
+    for one, other in zip(some, every, strict=True):
+        assert one.status == other.status
+        assert len(one.candidates) == len(other.candidates)
 
 
 @pytest.mark.parametrize("seed", [40, 73, 95, 115, 123, 175, 176, 193])
