@@ -39,6 +39,8 @@ class RegistrationResult:
     undetermined: (k, 6) directions of the same coordinates that the scans leave open, of length 1
         in rad and mm together: they are about the target's origin, so an open turn about a far axis
         is mostly mm. The reason says of each what it is, about the middle of the matched surface.
+        Empty if only the source's planes leave them open: without a pose nothing of its frame is
+        known in the target's.
     candidates: runners-up, best first.
     stage_ms: wall time of each stage.
     evidence: intermediate results by name, for figures and diagnosis; never needed for the answer.
