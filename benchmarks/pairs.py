@@ -10,8 +10,8 @@ as the first finds the caches as another method left them. Times are the least o
 pair, which is what a method needs when nothing else runs, in the median and mean over pairs.
 Ratios are those within a turn, in the median of the turns on a pair, then the median, least and
 most over pairs, and last the ratio of the times that all pairs take together. Peers that are not
-installed are left out, and told. With --all-cores peers may use every
-core, as they do by default; our methods use one all the same.
+installed are left out, and told. With --all-cores peers may use every core, as they do by default;
+our methods use one all the same.
 """
 
 from __future__ import annotations
