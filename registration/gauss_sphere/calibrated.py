@@ -200,10 +200,11 @@ def _places(table: EvenTable, depth: FloatArray, apex_z: float, at: FloatArray) 
 
 @compiled
 def _read_at(table: EvenTable, there: _Places, value: FloatArray) -> None:
-    nodes, flat = table.value_mm.shape[1], table.value_mm.reshape(-1)
+    nodes, here = table.value_mm.shape[1], table.value_mm.reshape(-1)
+    right, below, beyond = here[1:], here[nodes:], here[nodes + 1 :]
     node, xs, ys = there.node, there.past_x, there.past_y
     for j in range(value.size):
-        x, y, i = xs[j], ys[j], node[j]
-        near = flat[i] + y * (flat[i + 1] - flat[i])
-        far = flat[i + nodes] + y * (flat[i + nodes + 1] - flat[i + nodes])
+        x, y, i = xs[j], ys[j], np.uint64(node[j])  # without a sign, no index counts from the end
+        near = here[i] + y * (right[i] - here[i])
+        far = below[i] + y * (beyond[i] - below[i])
         value[j] = near + x * (far - near)

@@ -73,10 +73,15 @@ def beams_of(fan: Fan, measured: FloatArray, points: Grouped, i: int, most: int)
     beams = np.empty((5, min(n, most)))
     slope, depth, sigma = fan.slope.reshape(-1), fan.depth_mm.reshape(-1), fan.sigma_mm.reshape(-1)
     all_measured = measured.reshape(-1)
+    place, profile = points.place[first : first + n], points.profile[first : first + n]
     for j in range(beams.shape[1]):
-        # Multiples of the golden ratio fall everywhere; even steps could follow one column.
-        at = first + (j if n <= most else int((j + 0.5) * GOLDEN_RATIO % 1.0 * n))
-        k = points.place[at]
-        beams[X, j], beams[SLOPE, j] = fan.x_mm[points.profile[at]], slope[k]
+        at = j
+        if n > most:
+            # Multiples of the golden ratio fall everywhere; even steps could follow one column.
+            share = (j + 0.5) * GOLDEN_RATIO
+            at = int((share - np.floor(share)) * n)
+        # Without a sign, no index counts from the end.
+        k, p = np.uint64(place[at]), np.uint64(profile[at])
+        beams[X, j], beams[SLOPE, j] = fan.x_mm[p], slope[k]
         beams[DEPTH, j], beams[SIGMA, j], beams[MEASURED, j] = depth[k], sigma[k], all_measured[k]
     return beams

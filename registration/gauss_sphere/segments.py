@@ -103,6 +103,8 @@ def _running_sums(
     m, w_, ws, wss, wq, wsq, wqq = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for u in range(depth.size):
         d, s, far = depth[u], slope[u], cliff + 5.0 * sigma[u]
+        if np.isnan(d):
+            continue
         # An isolated point, far from both neighbours in depth, is an outlier.
         left = u > 0 and abs(depth[u - 1] - d) < far
         right = u + 1 < depth.size and abs(depth[u + 1] - d) < far
