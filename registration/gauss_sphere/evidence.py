@@ -10,7 +10,7 @@ from registration.gauss_sphere.beams import Fan, profiles_in_fan
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
-from registration.gauss_sphere.segments import find_segments
+from registration.gauss_sphere.segments import cutting, find_segments
 from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IndexArray, IntArray, Scan
@@ -41,7 +41,7 @@ def patch_of_points(scan: Scan, view: View) -> IndexArray:
 
 def segment_ends(fan: Fan, params: GaussSphereParams) -> FloatArray:
     """(n, 2, 3) ends in mm of the straight pieces that the planes of a view were grown from."""
-    found = find_segments(fan, params.segments)
+    found = find_segments(fan, cutting(params.segments))
     w, s, ss, q, sq, _ = found.sums.T
     # The inverse depth is linear in the slope of the beam; the fit is the one of the stage.
     spread = ss - s * s / w

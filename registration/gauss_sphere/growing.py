@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from registration.gauss_sphere.beams import ONE_PLACE, Fan
@@ -12,11 +14,21 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 
-def grown(fan: Fan, segments: Segments, params: PatchParams) -> Grouped:
-    """The points of the patches that segments grow into over the profiles."""
-    return _grown(
-        fan,
-        segments,
+class Growing(NamedTuple):
+    """What PatchParams say of growing, as the compiled loops take it."""
+
+    join_gain: float
+    tolerance_sigma: float
+    max_tilt: float
+    bridge_profiles: int
+    min_points: int
+    min_profiles: int
+    edge_pixels: int
+
+
+def growing(params: PatchParams) -> Growing:
+    """The parameters that say how patches grow."""
+    return Growing(
         params.join_gain,
         params.tolerance_sigma,
         params.max_tilt,
@@ -28,22 +40,18 @@ def grown(fan: Fan, segments: Segments, params: PatchParams) -> Grouped:
 
 
 @compiled
-def _grown(
-    fan: Fan,
-    segments: Segments,
-    gain: float,
-    tolerance: float,
-    max_tilt: float,
-    bridge: int,
-    min_points: int,
-    min_profiles: int,
-    edge_pixels: int,
-) -> Grouped:
-    reach_mm = (bridge + 0.5) * fan.gap_mm
-    owner = _grow(segments, fan.x_mm, gain, tolerance, max_tilt, bridge, reach_mm)
+def grown(fan: Fan, segments: Segments, how: Growing) -> Grouped:
+    """The points of the patches that segments grow into over the profiles."""
+    reach_mm = (how.bridge_profiles + 0.5) * fan.gap_mm
+    owner = _grow(
+        segments, fan.x_mm, how.join_gain, how.tolerance_sigma, how.max_tilt, how.bridge_profiles,
+        reach_mm,
+    )  # fmt: skip
     least_mm = ONE_PLACE * fan.gap_mm
-    n_patches = _keep_large(segments, owner, fan.x_mm, least_mm, min_points, min_profiles)
-    return grouped(segments, owner, n_patches, fan.depth_mm, edge_pixels)
+    n_patches = _keep_large(
+        segments, owner, fan.x_mm, least_mm, how.min_points, how.min_profiles
+    )  # fmt: skip
+    return grouped(segments, owner, n_patches, fan.depth_mm, how.edge_pixels)
 
 
 @compiled

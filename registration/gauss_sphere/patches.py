@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.calibrated import DEPTH, NOTHING_KNOWN, Known
+from registration.gauss_sphere.calibrated import DEPTH, Known
 from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.plane_fit import fit_plane
 from registration.gauss_sphere.points import Grouped, beams_of
@@ -41,44 +41,33 @@ class Patches(NamedTuple):
     label: IndexArray
 
 
+class Fitting(NamedTuple):
+    """What PatchParams say of fitting, as the compiled loops take it."""
+
+    gate_sigma: float
+    fit_rounds: int
+    min_points: int
+
+
+def fitting(params: PatchParams) -> Fitting:
+    """The parameters that say how planes are fitted."""
+    return Fitting(params.gate_sigma, max(params.fit_rounds, 1), params.min_points)
+
+
+@compiled
 def fit_patches(
-    fan: Fan,
-    points: Grouped,
-    params: PatchParams,
-    known: Known = NOTHING_KNOWN,
-    measured_mm: FloatArray | None = None,
+    fan: Fan, measured_mm: FloatArray, points: Grouped, known: Known, how: Fitting
 ) -> Patches:
     """Fit a plane to the points of each patch by maximum likelihood for noise along the beams.
 
     Plain least squares of the distances is biased for planes seen at a slant, because the noise has
     a component along them; here the derivatives are taken at the foot of each point along its beam.
+    Points farther off than how.gate_sigma standard deviations get no label.
 
     With a calibration its bias is taken out of measured_mm (profiles, pixels) by the very planes
     that are fitted, starting from fan.depth_mm as straightening left it. fan.depth_mm is changed in
     place: the points of planes get their corrected depths.
     """
-    return _fit_planes(
-        fan,
-        fan.depth_mm if measured_mm is None else measured_mm,
-        points,
-        known,
-        params.gate_sigma,
-        max(params.fit_rounds, 1),
-        params.min_points,
-    )
-
-
-@compiled
-def _fit_planes(
-    fan: Fan,
-    measured: FloatArray,
-    points: Grouped,
-    known: Known,
-    gate: float,
-    rounds: int,
-    min_points: int,
-) -> Patches:
-    """Points farther off than gate standard deviations get no label."""
     n_patches = points.start.size
     start, end, place, depth = points.start, points.end, points.place, fan.depth_mm.reshape(-1)
     area_per_beam = _beam_area(fan)
@@ -87,16 +76,16 @@ def _fit_planes(
     centre, basis = np.zeros((n_patches, 3)), np.zeros((n_patches, 2, 3))
     spread, covariance = np.zeros((n_patches, 2)), np.zeros((n_patches, 3, 3))
     g, area = np.zeros((3, 4)), np.zeros(n_patches)
-    least = max(min_points, 4)
+    least = max(how.min_points, 4)
     for i in range(n_patches):
         a, b = start[i], end[i]
         if b - a < least:
             continue
-        beams = beams_of(fan, measured, points, i, b - a)
-        sample = beams_of(fan, measured, points, i, SAMPLE)
+        beams = beams_of(fan, measured_mm, points, i, b - a)
+        sample = beams_of(fan, measured_mm, points, i, SAMPLE)
         if not fit_plane(
-            beams, sample, fan.lean, fan.apex_mm[2], known, gate, rounds, kept[a:b], planes[i],
-            centre[i], basis[i, 0], basis[i, 1], g, moments[i],
+            beams, sample, fan.lean, fan.apex_mm[2], known, how.gate_sigma, how.fit_rounds,
+            kept[a:b], planes[i], centre[i], basis[i, 0], basis[i, 1], g, moments[i],
         ):  # fmt: skip
             continue
         if moments[i, 0] >= least:

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from registration.gauss_sphere.appeal import appealed
-from registration.gauss_sphere.beams import Fan, fan_of, seems_turned_around
+from registration.gauss_sphere.beams import fan_of, seems_turned_around
 from registration.gauss_sphere.bending import doubted, left_bias_mm, of_unknown_bias
-from registration.gauss_sphere.calibrated import Known, read_known
+from registration.gauss_sphere.calibrated import read_known
 from registration.gauss_sphere.decision import (
     Verdict,
     answered,
@@ -21,15 +21,12 @@ from registration.gauss_sphere.decision import (
     refuted,
 )
 from registration.gauss_sphere.evidence import PlaneEvidence
-from registration.gauss_sphere.growing import grown
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.open_directions import covariance_of, sliding, widest_covariance_of
 from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.patches import Patches, fit_patches
+from registration.gauss_sphere.planes import planes_of
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
-from registration.gauss_sphere.segments import find_segments
-from registration.gauss_sphere.straightening import straightened
 from registration.gauss_sphere.symmetry import symmetric_rivals
 from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import pose_candidates
@@ -67,19 +64,8 @@ def describe(scan: Scan, params: GaussSphereParams) -> View:
 
     Raises CalibrationError or OSError where params name a calibration that cannot be read.
     """
-    fan, patches = planes(fan_of(scan), read_known(params.calibration), params)
+    fan, patches = planes_of(fan_of(scan), read_known(params.calibration), params)
     return view_of(fan, patches, params)
-
-
-def planes(measured: Fan, known: Known, params: GaussSphereParams) -> tuple[Fan, Patches]:
-    """The planes of a scan, with what is known of the sensor taken into account."""
-    how = params.patches
-    fan = measured
-    if known.given:
-        pieces = grown(measured, find_segments(measured, params.segments), how)
-        fan = straightened(measured, pieces, known, how.bias_rounds)
-    points = grown(fan, find_segments(fan, params.segments), how)
-    return fan, fit_patches(fan, points, how, known, measured.depth_mm)
 
 
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:

@@ -32,10 +32,19 @@ class Segments(NamedTuple):
     sums: FloatArray
 
 
-def find_segments(fan: Fan, params: SegmentParams) -> Segments:
-    """Cut every profile into the straight pieces that its noise can tell apart."""
-    return _segment_profiles(
-        fan,
+class Cutting(NamedTuple):
+    """SegmentParams as the compiled loops take them."""
+
+    cliff_mm: float
+    max_gap_pixels: int
+    min_points: int
+    split_gain: float
+    tolerance_sigma: float
+
+
+def cutting(params: SegmentParams) -> Cutting:
+    """The parameters that say how profiles are cut."""
+    return Cutting(
         params.cliff_mm,
         params.max_gap_pixels,
         params.min_points,
@@ -186,14 +195,10 @@ def _cut(
 
 
 @compiled
-def _segment_profiles(
-    fan: Fan,
-    cliff: float,
-    max_gap: int,
-    least: int,
-    split_gain: float,
-    tolerance: float,
-) -> Segments:
+def find_segments(fan: Fan, how: Cutting) -> Segments:
+    """Cut every profile into the straight pieces that its noise can tell apart."""
+    cliff, max_gap, least = how.cliff_mm, how.max_gap_pixels, how.min_points
+    split_gain, tolerance = how.split_gain, how.tolerance_sigma
     n_profiles, n_pixels = fan.depth_mm.shape
     capacity = n_profiles * (n_pixels // least + 1)
     profile, first, last, n_points = np.empty((4, capacity), np.int64)

@@ -14,12 +14,12 @@ from registration.gauss_sphere import beams
 from registration.gauss_sphere.beams import fan_of
 from registration.gauss_sphere.calibrated import NOTHING_KNOWN
 from registration.gauss_sphere.depth_noise import depth_noise
-from registration.gauss_sphere.growing import grown
-from registration.gauss_sphere.params import PatchParams, SegmentParams
-from registration.gauss_sphere.patches import fit_patches
+from registration.gauss_sphere.params import GaussSphereParams, PatchParams, SegmentParams
+from registration.gauss_sphere.patches import fit_patches, fitting
 from registration.gauss_sphere.plane_fit import fit_plane, let_follow
+from registration.gauss_sphere.planes import planes_of
 from registration.gauss_sphere.points import Grouped
-from registration.gauss_sphere.segments import find_segments
+from registration.gauss_sphere.segments import cutting, find_segments
 
 
 def plates(*normals: tuple[float, float, float], half_mm: float = 60.0):
@@ -30,9 +30,7 @@ def plates(*normals: tuple[float, float, float], half_mm: float = 60.0):
 
 
 def patches_of(scan: Scan):
-    fan = fan_of(scan)
-    points = grown(fan, find_segments(fan, SegmentParams()), PatchParams())
-    return fit_patches(fan, points, PatchParams())
+    return planes_of(fan_of(scan), NOTHING_KNOWN, GaussSphereParams())[1]
 
 
 def found_apex_mm(scan: Scan) -> np.ndarray:
@@ -85,7 +83,7 @@ def test_a_crease_without_noise_is_cut_at_its_pixel() -> None:
     z = 700.0 + 0.4 * np.abs(y - 20.0)
     points = np.stack([np.zeros_like(y), y, z], axis=1)[None]
     segments = find_segments(
-        fan_of(Scan.from_points(points, step_mm=5.0, apex_mm=[0, 0, -60])), SegmentParams()
+        fan_of(Scan.from_points(points, step_mm=5.0, apex_mm=[0, 0, -60])), cutting(SegmentParams())
     )
     assert segments.profile.size == 2
     assert abs(segments.last[0] - 120) <= 1
@@ -95,7 +93,7 @@ def test_a_crease_without_noise_is_cut_at_its_pixel() -> None:
 def test_a_noisy_plane_is_rarely_split() -> None:
     rng = np.random.default_rng(2)
     scan = scan_plates(plates((0.1, 0.3, -1.0), half_mm=300.0), 200, noise=1.0, rng=rng)
-    segments = find_segments(fan_of(scan), SegmentParams())
+    segments = find_segments(fan_of(scan), cutting(SegmentParams()))
     assert segments.profile.size <= 200 * 1.03
 
 
@@ -141,7 +139,7 @@ def test_points_of_one_profile_make_no_plane() -> None:
         np.full(place.size, 20, np.int32),
         place.astype(np.int32),
     )
-    fitted = fit_patches(fan, points, PatchParams())
+    fitted = fit_patches(fan, fan.depth_mm, points, NOTHING_KNOWN, fitting(PatchParams()))
     assert fitted.n_points.size == 0
     assert (fitted.label == -1).all()
 
