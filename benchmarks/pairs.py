@@ -82,12 +82,12 @@ def entries(all_cores: bool) -> list[Entry]:
         Entry("thesis", "thesis", ThesisParams()),
     ]
     peers = []
-    for voxel_mm in (3.0, 5.0, 10.0):
-        for name, method, params_type in (
-            ("RANSAC", "open3d_ransac", RansacParams),
-            ("FGR", "open3d_fgr", FgrParams),
-            ("KISS-Matcher", "kiss_matcher", KissMatcherParams),
-        ):
+    for name, method, params_type, own_voxel_mm in (
+        ("RANSAC", "open3d_ransac", RansacParams, 50.0),
+        ("FGR", "open3d_fgr", FgrParams, 50.0),
+        ("KISS-Matcher", "kiss_matcher", KissMatcherParams, 300.0),
+    ):
+        for voxel_mm in (3.0, 5.0, 10.0, own_voxel_mm):
             label = f"{name} {voxel_mm:g} mm"
             peers.append(Entry(label, method, params_type(voxel_mm=voxel_mm)))
             peers.append(Entry(f"{label} + GICP", method, params_type(voxel_mm, refine=GICP)))
