@@ -20,8 +20,8 @@ import numpy as np  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
 from registration import Scan, register  # noqa: E402
+from registration.gauss_sphere.describing import describe  # noqa: E402
 from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
-from registration.gauss_sphere.pipeline import describe  # noqa: E402
 from scenes import SCENES  # noqa: E402
 from scenes.clutter import ClutterParams  # noqa: E402
 from sensors.jupiter import Jupiter  # noqa: E402

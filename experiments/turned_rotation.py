@@ -14,8 +14,8 @@ from harness.execution import scan_view
 from harness.schema import AimedView
 from harness.scoring import exact_pose
 from harness.trials import Trial, TrialSpec
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.translation import pose_candidates
 from registration.scan import FloatArray, Scan
 from registration.thesis.outcome import decide

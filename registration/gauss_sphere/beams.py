@@ -58,16 +58,24 @@ class Fan(NamedTuple):
     lean: FloatArray
 
 
-def fan_of(scan: Scan) -> Fan:
-    """Describe a scan by its beams; the apex is estimated when the scan does not carry it."""
-    points_mm = _points_of(scan)
-    usable = usable_points(points_mm)
-    kept = profiles_with_returns(usable)
-    if not kept.all():
-        points_mm, usable = _read_only(points_mm[kept]), usable[kept]
+class Measured(NamedTuple):
+    """A scan as the compiled loops take it: arrays of one kind, for each of which they compile.
+
+    points_mm: (profiles, pixels, 3).  step_mm: between profiles along X.  apex_mm: (3,), NaN where
+    the scan does not carry it.  lean: (2,) see Fan.
+    """
+
+    points_mm: FloatArray
+    step_mm: float
+    apex_mm: FloatArray
+    lean: FloatArray
+
+
+def measured(scan: Scan) -> Measured:
+    """A scan as the compiled loops take it."""
     apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
     lean = scan.travel[1:] / scan.travel[0]
-    return _fan(points_mm, usable, scan.step_mm * scan.travel[0], apex_mm, lean)
+    return Measured(_points_of(scan), float(scan.step_mm * scan.travel[0]), apex_mm, lean)
 
 
 def profiles_in_fan(scan: Scan) -> BoolArray:
@@ -76,12 +84,7 @@ def profiles_in_fan(scan: Scan) -> BoolArray:
 
 
 def _points_of(scan: Scan) -> FloatArray:
-    return _read_only(np.ascontiguousarray(scan.points_mm))
-
-
-def _read_only(points_mm: FloatArray) -> FloatArray:
-    """The same: an array of one kind for every scan, as loops are compiled for each kind."""
-    points_mm = points_mm.view()
+    points_mm = np.ascontiguousarray(scan.points_mm).view()
     points_mm.setflags(write=False)
     return points_mm
 
@@ -102,23 +105,26 @@ def seems_turned_around(fan: Fan) -> bool:
 
 
 @compiled
-def _fan(
-    points: FloatArray, usable: BoolArray, step: float, apex_mm: FloatArray, lean: FloatArray
-) -> Fan:
-    """The fan of a scan whose apex (3,) is NaN where it is to be estimated."""
+def fan_of(scan: Measured) -> Fan:
+    """Describe a scan by its beams; the apex is estimated when the scan does not carry it."""
+    points, apex_mm, lean = scan.points_mm, scan.apex_mm, scan.lean
+    usable = usable_points(points)
+    kept = profiles_with_returns(usable)
+    if not kept.all():
+        points, usable = points[kept], usable[kept]
     unknown = np.isnan(apex_mm).any()
     if unknown:
         apex_mm = find_apex(points, usable, lean)
     rows, columns = points.shape[:2]
     x_mm, column_slope = np.empty(rows), np.empty(columns)
     slope, depth_mm = np.empty((rows, columns)), np.empty((rows, columns))
-    measured = x_mm, slope, depth_mm, column_slope
-    behind = _take_beams(points, usable, apex_mm, lean, *measured)
+    beams = x_mm, slope, depth_mm, column_slope
+    behind = _take_beams(points, usable, apex_mm, lean, *beams)
     if unknown and behind > FEW_BEHIND * np.isfinite(depth_mm).sum():
         apex_mm = np.array([0.0, 0.0, -PARALLEL_APEX_MM])
-        _take_beams(points, usable, apex_mm, lean, *measured)
+        _take_beams(points, usable, apex_mm, lean, *beams)
     gap_mm = _usual_gap(x_mm[np.isfinite(x_mm)])
-    _place_unseen(x_mm, gap_mm if gap_mm > 0.0 else step)
+    _place_unseen(x_mm, gap_mm if gap_mm > 0.0 else scan.step_mm)
     _fill_between(column_slope)
     sigma_mm = np.empty((rows, columns))
     _take_noise(depth_mm, sigma_mm, *depth_noise(depth_mm, slope))

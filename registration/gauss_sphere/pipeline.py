@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from registration.gauss_sphere.appeal import appealed
-from registration.gauss_sphere.beams import fan_of, seems_turned_around
+from registration.gauss_sphere.beams import seems_turned_around
 from registration.gauss_sphere.bending import doubted, left_bias_mm, of_unknown_bias
 from registration.gauss_sphere.calibrated import read_known
 from registration.gauss_sphere.decision import (
@@ -20,17 +20,17 @@ from registration.gauss_sphere.decision import (
     questioned,
     refuted,
 )
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.open_directions import covariance_of, sliding, widest_covariance_of
 from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.planes import planes_of
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.symmetry import symmetric_rivals
 from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import pose_candidates
-from registration.gauss_sphere.view import View, view_of
+from registration.gauss_sphere.view import View
 from registration.gauss_sphere.whole_planes import by_whole_planes
 from registration.result import RegistrationResult
 from registration.scan import Scan
@@ -57,15 +57,6 @@ def register_scans(target: Scan, source: Scan, params: GaussSphereParams) -> Reg
     result = register_views(target_view, source_view, params)
     stage_ms = {"planes": 1e3 * (described - started), **result.stage_ms}
     return replace(result, stage_ms=stage_ms)
-
-
-def describe(scan: Scan, params: GaussSphereParams) -> View:
-    """Planes of a scan, with what is needed to compare it with another.
-
-    Raises CalibrationError or OSError where params name a calibration that cannot be read.
-    """
-    fan, patches = planes_of(fan_of(scan), read_known(params.calibration), params)
-    return view_of(fan, patches, params)
 
 
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.patches import Patches, planes_in_beams
 from registration.gauss_sphere.points import GOLDEN_RATIO
 from registration.kernels import compiled
@@ -73,15 +71,8 @@ class View(NamedTuple):
     seen_mm2: float
 
 
-def view_of(fan: Fan, patches: Patches, params: GaussSphereParams) -> View:
-    """Prepare a scan for verification."""
-    n = min(params.verification.samples, int(patches.n_points.sum()))
-    place = places_of_samples(n, params.strides)
-    return _view_of(fan, patches, place, params.segments.max_gap_pixels)
-
-
-@lru_cache(maxsize=8)
-def places_of_samples(n: int, strides: tuple[int, ...]) -> IntArray:
+@compiled
+def places_of_samples(n: int, strides: IntArray) -> IntArray:
     """(n,) the place of each of n samples that follow each other through the scan.
 
     The first ceil(n / s) places are spread over the scan for each of the strides s, as are
@@ -89,14 +80,20 @@ def places_of_samples(n: int, strides: tuple[int, ...]) -> IntArray:
     that those that are looked up one after the other lie side by side.
     """
     place = np.empty(n, np.int64)
-    place[np.argsort(np.arange(n) * GOLDEN_RATIO % 1.0, kind="stable")] = np.arange(n)
-    ends = sorted({-(-n // stride) for stride in strides})
-    place[np.argsort(np.searchsorted(ends, place, side="right"), kind="stable")] = np.arange(n)
+    place[np.argsort(np.arange(n) * GOLDEN_RATIO % 1.0, kind="mergesort")] = np.arange(n)
+    ends = np.sort(-(-n // strides))
+    place[np.argsort(np.searchsorted(ends, place, side="right"), kind="mergesort")] = np.arange(n)
     return place
 
 
 @compiled
-def _view_of(fan: Fan, patches: Patches, place: IntArray, max_gap: int) -> View:
+def view_of(fan: Fan, patches: Patches, place: IntArray, strides: IntArray, max_gap: int) -> View:
+    """Prepare a scan for verification.
+
+    place: places_of_samples, of as many as are wanted, for these strides.
+    """
+    if patches.n_points.sum() < place.size:
+        place = places_of_samples(patches.n_points.sum(), strides)
     profile_of, x_low, cells_per_mm = _nearest_profiles(fan)
     pixel_of, slope_low, cells_per_slope = _nearest_pixels(fan.column_slope)
     label, n, n_all = patches.label, place.size, patches.n_points.sum()

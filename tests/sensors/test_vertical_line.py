@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import fan_of
+from registration.gauss_sphere.beams import fan_of, measured
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.pipeline import describe
 from registration.scan import ScanError
 from scenes import SCENES
 from scenes.scene import Scene
@@ -53,7 +53,7 @@ def test_a_scan_stands_where_the_sensor_was_and_does_not_shear(line: str, direct
     np.testing.assert_allclose(scan.origins_mm, hits.origins_mm, atol=1e-9)
     # Every profile lies in its own laser plane, and its beams meet where the sensor's do.
     np.testing.assert_allclose(scan.in_profiles_mm[scan.valid][:, 0], 0.0, atol=1e-9)
-    np.testing.assert_allclose(fan_of(scan).apex_mm, SENSOR.apex_mm, atol=1e-3)
+    np.testing.assert_allclose(fan_of(measured(scan)).apex_mm, SENSOR.apex_mm, atol=1e-3)
 
 
 @pytest.mark.parametrize("method", ["gauss_sphere", "thesis"])
@@ -107,7 +107,7 @@ def test_planes_are_the_scene_s_own(line: str, direction: str) -> None:
         whole = on[:-1, :-1] & on[:-1, 1:] & on[1:, :-1]
         area_mm2 = np.linalg.norm(cells[whole], axis=1).mean() * on.sum()
         assert patches.area_mm2[i] == pytest.approx(area_mm2, rel=0.1)
-    fan = fan_of(scan)
+    fan = fan_of(measured(scan))
     assert fan.lean == pytest.approx(scan.travel[1:] / scan.travel[0])
 
 

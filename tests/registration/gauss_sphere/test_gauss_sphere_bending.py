@@ -14,9 +14,9 @@ from registration.calibration import Calibration, Table
 from registration.gauss_sphere import pipeline
 from registration.gauss_sphere.bending import PARABOLA_MM, bending, doubted
 from registration.gauss_sphere.calibrated import NOTHING_KNOWN, read_known
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.params import GaussSphereParams, WholePlaneParams
-from registration.gauss_sphere.pipeline import describe
 
 SEEDS = (1, 2, 3)
 DEPTH_MM, SLOPE = np.linspace(100.0, 1500.0, 57), np.linspace(-0.3, 0.3, 61)

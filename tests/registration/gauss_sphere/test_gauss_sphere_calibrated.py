@@ -13,8 +13,8 @@ from registration import Scan, register
 from registration.calibration import Calibration, CalibrationError, Table
 from registration.gauss_sphere.beams import Fan
 from registration.gauss_sphere.calibrated import bias_and_noise, known_of
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.points import Grouped
 from registration.gauss_sphere.straightening import straightened
 from registration.gauss_sphere.view import View

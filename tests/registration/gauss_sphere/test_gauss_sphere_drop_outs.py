@@ -7,10 +7,10 @@ import pytest
 from plane_scans import clutter_pair, plates_from, pose_error, random_clutter, scan_plates
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import fan_of
+from registration.gauss_sphere.beams import fan_of, measured
 from registration.gauss_sphere.depth_noise import depth_noise
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.view import DEPTH, NEAREST, PATCH
 
 DEFAULTS = GaussSphereParams()
@@ -52,7 +52,8 @@ def test_the_noise_is_found_where_no_neighbour_returned(nth: int) -> None:
     rng = np.random.default_rng(1)
     scan = scan_plates(random_clutter(rng), 200, noise=1.0, rng=rng)
     whole, some = (
-        fan_of(each) for each in (scan, without(scan, all_but_every(nth)((200, 256), rng)))
+        fan_of(measured(each))
+        for each in (scan, without(scan, all_but_every(nth)((200, 256), rng)))
     )
     for fan in (whole, some):
         constant, square = depth_noise(fan.depth_mm, fan.slope)
@@ -61,10 +62,10 @@ def test_the_noise_is_found_where_no_neighbour_returned(nth: int) -> None:
 
 def test_columns_that_nothing_returned_to_lie_between_their_neighbours() -> None:
     scan = scan_plates(random_clutter(np.random.default_rng(1)))
-    slope = fan_of(scan).column_slope
+    slope = fan_of(measured(scan)).column_slope
     missing = np.zeros((60, 256), dtype=bool)
     missing[:, 100:103] = missing[:, :5] = True
-    left = fan_of(without(scan, missing)).column_slope
+    left = fan_of(measured(without(scan, missing))).column_slope
     np.testing.assert_allclose(left[100:103], slope[100:103], atol=1e-4)
     assert np.isnan(left[:5]).all()
 

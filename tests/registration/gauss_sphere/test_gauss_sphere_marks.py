@@ -17,7 +17,7 @@ from plane_scans import (
 )
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import Fan, fan_of, seems_turned_around
+from registration.gauss_sphere.beams import Fan, fan_of, measured, seems_turned_around
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,8 @@ def assert_same(one: Fan, other: Fan) -> None:
 def test_a_mark_of_no_return_is_none(pair: Pair, mark: float | list[float], number: int) -> None:
     where = some_of(pair.target, number)
     assert_same(
-        fan_of(marked(pair.target, where, mark)), fan_of(marked(pair.target, where, np.nan))
+        fan_of(measured(marked(pair.target, where, mark))),
+        fan_of(measured(marked(pair.target, where, np.nan))),
     )
 
 
@@ -72,8 +73,8 @@ def test_one_wild_point_changes_nothing_but_itself(pair: Pair, z_mm: float) -> N
 @pytest.mark.parametrize("mark", [[0.0, 0.0, -9999.0], [0.0, 0.0, 99999.0], [-9999.0] * 3])
 def test_marks_may_outnumber_points(pair: Pair, mark: list[float], share: float) -> None:
     where = np.random.default_rng(7).random(pair.target.points_mm.shape[:2]) < share
-    gaps = fan_of(marked(pair.target, where, np.nan))
-    assert_same(fan_of(marked(pair.target, where, mark)), gaps)
+    gaps = fan_of(measured(marked(pair.target, where, np.nan)))
+    assert_same(fan_of(measured(marked(pair.target, where, mark))), gaps)
     assert np.isfinite(gaps.depth_mm).sum() == (~where & pair.target.valid).sum()
 
 
@@ -87,7 +88,7 @@ def test_a_far_surface_is_kept_behind_a_near_one_that_fills_most_of_the_view() -
     places = np.array([[150.0, 700.0, 2600.0], [600.0, 600.0, 2700.0], [100.0, 500.0, 2900.0]])
     far = plates_from(normals, places, np.array([[900.0, 700.0]] * 3))
     scan = scan_plates(join(near, far), noise=0.5, rng=np.random.default_rng(4))
-    depth_mm = fan_of(scan).depth_mm
+    depth_mm = fan_of(measured(scan)).depth_mm
     share = (depth_mm > 2000.0).sum() / np.isfinite(depth_mm).sum()
     assert 0.1 < share < 0.45
     assert np.isfinite(depth_mm).sum() >= scan.n_valid - 5
@@ -97,19 +98,21 @@ def test_pixels_of_any_number_tell_where_the_scene_lies(pair: Pair) -> None:
     # Every tenth of 1000 profiles of 999 pixels and one would be the same pixel each time.
     points_mm = np.full((100, 999, 3), np.nan)
     points_mm[:60, 1:257] = pair.target.points_mm
-    plain = fan_of(Scan.from_points(points_mm, 5.0))
+    plain = fan_of(measured(Scan.from_points(points_mm, 5.0)))
     points_mm[10:50:4, 300] = [0.0, 0.0, -9999.0]
-    assert_same(plain, fan_of(Scan.from_points(points_mm, 5.0)))
+    assert_same(plain, fan_of(measured(Scan.from_points(points_mm, 5.0))))
 
 
 def test_views_of_an_array_are_taken(pair: Pair) -> None:
     thinned = pair.target.points_mm[:, ::2]
     assert_same(
-        fan_of(replace(pair.target, points_mm=thinned)),
-        fan_of(Scan.from_points(thinned, 5.0, apex_mm=pair.target.apex_mm)),
+        fan_of(measured(replace(pair.target, points_mm=thinned))),
+        fan_of(measured(Scan.from_points(thinned, 5.0, apex_mm=pair.target.apex_mm))),
     )
     turned = np.asfortranarray(pair.target.points_mm)
-    assert_same(fan_of(replace(pair.target, points_mm=turned)), fan_of(pair.target))
+    assert_same(
+        fan_of(measured(replace(pair.target, points_mm=turned))), fan_of(measured(pair.target))
+    )
 
 
 def test_a_wild_point_behind_the_apex_is_left_out_in_a_frame_far_ahead_of_the_sensor() -> None:
@@ -117,7 +120,7 @@ def test_a_wild_point_behind_the_apex_is_left_out_in_a_frame_far_ahead_of_the_se
     scan = scan_plates(random_clutter(rng), profiles=120, noise=1.0, rng=rng)
     points_mm = scan.points_mm - [0.0, 0.0, 2000.0]
     points_mm[1, 7] = [5.0, 0.0, -2000.0 - APEX_BEHIND_MM - 1.0]  # of a profile not looked at
-    fan = fan_of(replace(scan, points_mm=points_mm, apex_mm=None))
+    fan = fan_of(measured(replace(scan, points_mm=points_mm, apex_mm=None)))
     assert fan.apex_mm[2] == pytest.approx(-2000.0 - APEX_BEHIND_MM, abs=1e-6)
     assert np.isnan(fan.depth_mm[1, 7])
 
@@ -128,7 +131,7 @@ def test_a_surface_behind_the_apex_says_that_it_is_none(pair: Pair) -> None:
     points_mm = pair.target.points_mm.copy()
     behind_mm = np.random.default_rng(9).uniform(340.0, 345.0, where.sum())
     points_mm[where, 2] = -APEX_BEHIND_MM - behind_mm
-    fan = fan_of(replace(pair.target, points_mm=points_mm, apex_mm=None))
+    fan = fan_of(measured(replace(pair.target, points_mm=points_mm, apex_mm=None)))
     assert fan.apex_mm[2] < -1e4
     assert np.isfinite(fan.depth_mm[where]).sum() >= where.sum() - 1  # the least may be a mark
 
@@ -166,4 +169,4 @@ def test_beams_that_are_nearly_parallel_are_not_taken_for_turned_around() -> Non
     for seed in range(5):
         aside = np.random.default_rng(seed).normal(0.0, 0.02, y.shape)
         scan = Scan.from_points(np.stack([x, y + aside, z], axis=2), 5.0)
-        assert not seems_turned_around(fan_of(scan))
+        assert not seems_turned_around(fan_of(measured(scan)))

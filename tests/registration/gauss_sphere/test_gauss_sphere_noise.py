@@ -12,7 +12,7 @@ from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair, pose_error, random_c
 from scipy.stats import chi2
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import fan_of
+from registration.gauss_sphere.beams import fan_of, measured
 from registration.gauss_sphere.depth_noise import _smoothed_by
 
 EDGE_MM = 10.0  # points farther off in depth are of another face
@@ -66,7 +66,7 @@ def test_the_noise_is_found_that_a_scan_had_before(kind: str, noise: float) -> N
         noise = 1.0 + noise  # a steep face's points are in order if it is less
     rng = np.random.default_rng(1)
     scan = scan_plates(random_clutter(rng), noise=noise, rng=rng)
-    plain, fan = fan_of(scan), fan_of(smoothed(scan, SMOOTHINGS[kind]))
+    plain, fan = fan_of(measured(scan)), fan_of(measured(smoothed(scan, SMOOTHINGS[kind])))
     before = np.nanmedian(plain.sigma_mm)
     assert np.nanmedian(fan.sigma_mm) == pytest.approx(before, rel=0.3)
 
@@ -96,7 +96,7 @@ def test_a_scan_that_was_not_smoothed_keeps_its_noise(noise: float, pixels: int)
         rng = np.random.default_rng(seed)
         # So many boxes that points a few of 64 pixels apart seldom lie on one face.
         clutter = random_clutter(rng, boxes=25)
-        fan = fan_of(scan_plates(clutter, pixels=pixels, noise=noise, rng=rng))
+        fan = fan_of(measured(scan_plates(clutter, pixels=pixels, noise=noise, rng=rng)))
         assert _smoothed_by(fan.depth_mm, fan.slope) == 1.0
 
 
@@ -117,6 +117,6 @@ def test_a_round_surface_is_no_smoothed_noise(radius_mm: float) -> None:
 def test_rounded_depths_are_no_smoothed_noise(noise: float, step_mm: float) -> None:
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        fan = fan_of(scan_plates(random_clutter(rng), pixels=640, noise=noise, rng=rng))
+        fan = fan_of(measured(scan_plates(random_clutter(rng), pixels=640, noise=noise, rng=rng)))
         rounded = np.round((fan.depth_mm - APEX_BEHIND_MM) / step_mm) * step_mm + APEX_BEHIND_MM
         assert _smoothed_by(rounded, fan.slope) < 2.0

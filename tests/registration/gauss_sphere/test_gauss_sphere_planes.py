@@ -10,14 +10,13 @@ import pytest
 from plane_scans import APEX_BEHIND_MM, plates_from, random_clutter, scan_plates
 
 from registration import Scan
-from registration.gauss_sphere import beams
-from registration.gauss_sphere.beams import fan_of
+from registration.gauss_sphere.beams import fan_of, measured
 from registration.gauss_sphere.calibrated import NOTHING_KNOWN
 from registration.gauss_sphere.depth_noise import depth_noise
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams, PatchParams, SegmentParams
 from registration.gauss_sphere.patches import fit_patches, fitting
 from registration.gauss_sphere.plane_fit import fit_plane, let_follow
-from registration.gauss_sphere.planes import planes_of
 from registration.gauss_sphere.points import Grouped
 from registration.gauss_sphere.segments import cutting, find_segments
 
@@ -30,11 +29,11 @@ def plates(*normals: tuple[float, float, float], half_mm: float = 60.0):
 
 
 def patches_of(scan: Scan):
-    return planes_of(fan_of(scan), NOTHING_KNOWN, GaussSphereParams())[1]
+    return describe(scan, GaussSphereParams()).patches
 
 
 def found_apex_mm(scan: Scan) -> np.ndarray:
-    return fan_of(replace(scan, apex_mm=None)).apex_mm
+    return fan_of(measured(replace(scan, apex_mm=None))).apex_mm
 
 
 def test_the_apex_is_found_where_the_beams_meet() -> None:
@@ -46,19 +45,23 @@ def test_the_apex_is_found_where_the_beams_meet() -> None:
 def test_the_loops_are_compiled_once_for_scans_of_any_origin() -> None:
     rng = np.random.default_rng(0)
     scan = scan_plates(random_clutter(rng), noise=1.0, rng=rng)
-    fan_of(scan)
-    kinds = len(beams._fan.signatures)
-    fan_of(pickle.loads(pickle.dumps(scan)))
-    fan_of(Scan.from_points(np.asfortranarray(scan.points_mm), 5.0, apex_mm=(0, 0, -60)))
-    fan_of(Scan.from_points(scan.points_mm[::2, ::2].astype(np.float32), 5.0, travel=(1, 0, 0.1)))
-    assert len(beams._fan.signatures) == kinds
+    fan_of(measured(scan))
+    kinds = len(fan_of.signatures)
+    fan_of(measured(pickle.loads(pickle.dumps(scan))))
+    fan_of(measured(Scan.from_points(np.asfortranarray(scan.points_mm), 5.0, apex_mm=(0, 0, -60))))
+    fan_of(
+        measured(
+            Scan.from_points(scan.points_mm[::2, ::2].astype(np.float32), 5.0, travel=(1, 0, 0.1))
+        )
+    )
+    assert len(fan_of.signatures) == kinds
 
 
 def test_marks_of_no_return_absurdly_far_away_leave_the_apex() -> None:
     rng = np.random.default_rng(0)
     points_mm = scan_plates(random_clutter(rng), noise=1.0, rng=rng).points_mm.copy()
     points_mm[1, ::7] = 1e200
-    apex_mm = fan_of(Scan.from_points(points_mm, 5.0)).apex_mm
+    apex_mm = fan_of(measured(Scan.from_points(points_mm, 5.0))).apex_mm
     np.testing.assert_allclose(apex_mm, [0.0, 0.0, -APEX_BEHIND_MM], atol=1e-6)
 
 
@@ -71,7 +74,7 @@ def test_a_scan_without_relief_gets_nearly_parallel_beams() -> None:
 def test_the_noise_is_estimated_from_the_scan_alone(noise: float) -> None:
     rng = np.random.default_rng(1)
     scan = scan_plates(random_clutter(rng), noise=noise, rng=rng)
-    fan = fan_of(scan)
+    fan = fan_of(measured(scan))
     constant, square = depth_noise(fan.depth_mm, fan.slope)
     for depth_mm in (850.0, 1000.0, 1150.0):
         true_mm = noise * (0.3 + (depth_mm - 230.0) * (1.2 / 1005.0))
@@ -83,7 +86,8 @@ def test_a_crease_without_noise_is_cut_at_its_pixel() -> None:
     z = 700.0 + 0.4 * np.abs(y - 20.0)
     points = np.stack([np.zeros_like(y), y, z], axis=1)[None]
     segments = find_segments(
-        fan_of(Scan.from_points(points, step_mm=5.0, apex_mm=[0, 0, -60])), cutting(SegmentParams())
+        fan_of(measured(Scan.from_points(points, step_mm=5.0, apex_mm=[0, 0, -60]))),
+        cutting(SegmentParams()),
     )
     assert segments.profile.size == 2
     assert abs(segments.last[0] - 120) <= 1
@@ -93,7 +97,7 @@ def test_a_crease_without_noise_is_cut_at_its_pixel() -> None:
 def test_a_noisy_plane_is_rarely_split() -> None:
     rng = np.random.default_rng(2)
     scan = scan_plates(plates((0.1, 0.3, -1.0), half_mm=300.0), 200, noise=1.0, rng=rng)
-    segments = find_segments(fan_of(scan), cutting(SegmentParams()))
+    segments = find_segments(fan_of(measured(scan)), cutting(SegmentParams()))
     assert segments.profile.size <= 200 * 1.03
 
 
@@ -130,7 +134,7 @@ def test_the_covariance_of_a_plane_is_what_its_errors_are(normal) -> None:
 
 def test_points_of_one_profile_make_no_plane() -> None:
     scan = scan_plates(plates((0.1, 0.2, -1.0)))
-    fan = fan_of(scan)
+    fan = fan_of(measured(scan))
     place = 20 * fan.depth_mm.shape[1] + np.flatnonzero(np.isfinite(fan.depth_mm[20]))
     assert place.size > PatchParams().min_points
     points = Grouped(

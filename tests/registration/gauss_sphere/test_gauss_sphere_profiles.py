@@ -18,11 +18,11 @@ from plane_scans import (
 )
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import _usual_gap, fan_of
+from registration.gauss_sphere.beams import _usual_gap, fan_of, measured
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import patch_of_points
 from registration.gauss_sphere.outlines import ends_of
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.view import NEAREST
 
 DEFAULTS = GaussSphereParams()
@@ -178,9 +178,9 @@ def test_a_profile_without_a_return_is_as_one_not_taken() -> None:
 def test_profiles_before_and_after_all_others_keep_their_places() -> None:
     scan, _, _ = dense_pair(5)
     outside = np.r_[0:9, 100:DENSE]
-    fan = fan_of(emptied(scan, outside))
+    fan = fan_of(measured(emptied(scan, outside)))
     np.testing.assert_allclose(fan.x_mm, 2.5 * np.arange(DENSE), atol=1e-9)
-    nothing = fan_of(emptied(scan, np.arange(DENSE)))
+    nothing = fan_of(measured(emptied(scan, np.arange(DENSE))))
     np.testing.assert_allclose(nothing.x_mm, 2.5 * np.arange(DENSE), atol=1e-9)
 
 
@@ -189,7 +189,7 @@ def test_the_apex_is_found_from_uneven_profiles_of_a_slanted_motion() -> None:
     scan, _, _ = dense_pair(6)
     points_mm = scan.points_mm + scan.points_mm[..., :1] * (slanted - [1.0, 0.0, 0.0])
     uneven = Scan.from_points(points_mm[faster(rng)], 5.0, travel=slanted)
-    np.testing.assert_allclose(fan_of(uneven).apex_mm[1:], [0.0, -60.0], atol=3.0)
+    np.testing.assert_allclose(fan_of(measured(uneven)).apex_mm[1:], [0.0, -60.0], atol=3.0)
 
 
 def test_every_point_keeps_its_patch() -> None:

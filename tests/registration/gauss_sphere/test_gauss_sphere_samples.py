@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from plane_scans import random_clutter, scan_plates
 
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.verification import (
     CONTRADICTION,
     SUPPORT,
@@ -19,7 +19,7 @@ from registration.gauss_sphere.verification import (
 from registration.gauss_sphere.view import View, places_of_samples
 from registration.scan import FloatArray
 
-STRIDES = tuple(sorted({*GaussSphereParams().strides}, reverse=True))
+STRIDES = np.array(sorted({*GaussSphereParams().strides}, reverse=True))
 
 
 @pytest.mark.parametrize("n", [1, 7, 40, 500, 1500])

@@ -8,10 +8,10 @@ from plane_scans import box_faces, join, random_clutter, scan_plates
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration.gauss_sphere.bending import of_unknown_bias
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import GaussSphereParams, RefineParams
 from registration.gauss_sphere.patches import Patches
-from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.refine import EXACTLY, likelihood, maximise, widened
 from registration.gauss_sphere.rotation import gauss_sphere
 from registration.scan import FloatArray

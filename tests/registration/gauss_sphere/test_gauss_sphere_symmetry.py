@@ -23,9 +23,9 @@ from plane_scans import (
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import register
+from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.matching import Settled, settle_best
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.pipeline import describe
 from registration.gauss_sphere.symmetry import symmetric_rivals
 from registration.gauss_sphere.view import View
 
