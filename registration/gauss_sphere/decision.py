@@ -160,27 +160,38 @@ def agreeing_planes(pose: Settled, target: View, params: DecisionParams) -> int:
 
 def agreeing_patches(pose: Settled, target: View, params: DecisionParams) -> IntArray:
     """(m, 2) pairs that agree within their noise, one of each different plane of the target."""
-    pairs = pose.pairs[pose.distance2 < params.agreeing_distance2]
-    one_each = _different(target.patches, pairs[:, 0], params.same_plane_rad, params.same_plane_mm)
-    chosen: IntArray = pairs[one_each]
-    return chosen
+    return _agreeing(
+        target.patches,
+        pose.pairs,
+        pose.distance2,
+        params.agreeing_distance2,
+        params.same_plane_rad,
+        params.same_plane_mm,
+    )
 
 
 @compiled
-def _different(patches: Patches, chosen: IntArray, same_rad: float, same_mm: float) -> IntArray:
-    """Which of the chosen patches are of different planes, the first of each."""
-    different, n = np.empty(chosen.size, np.int64), 0
-    for c in range(chosen.size):
-        i, new = chosen[c], True
-        for other in different[:n]:
-            k = chosen[other]
+def _agreeing(
+    patches: Patches,
+    pairs: IntArray,
+    distance2: FloatArray,
+    near2: float,
+    same_rad: float,
+    same_mm: float,
+) -> IntArray:
+    different, n = np.empty_like(pairs), 0
+    for c in range(distance2.size):
+        if not distance2[c] < near2:
+            continue
+        i, new = pairs[c, 0], True
+        for k in different[:n, 0]:
             away2 = 0.0
             for u in range(3):
                 away2 += (patches.normal[i, u] - patches.normal[k, u]) ** 2
             apart = abs(patches.offset_mm[i] - patches.offset_mm[k]) > same_mm
             new = new and (np.sqrt(away2) > same_rad or apart)
         if new:
-            different[n] = c
+            different[n] = pairs[c]
             n += 1
     return different[:n]
 

@@ -55,18 +55,47 @@ def by_whole_planes(
     it would leave its own covariance.
     """
     how = params.whole_planes
-    agreeing = best.distance2 < how.distance2
-    if best.floor_mm > how.most_floor_mm or agreeing.sum() < 3:
+    if best.floor_mm > how.most_floor_mm or np.count_nonzero(best.distance2 < how.distance2) < 3:
         return best
     joining = Joining(how.floor_share * best.floor_mm, how.distance2, how.loosest_mm, how.rounds)
-    r, t, sure = best.rotation.copy(), best.shift_mm.copy(), best.sure.copy()
-    likely = likelihood(params.refine)
-    _refine(target, source, best.pairs[agreeing], likely, joining, r, t, sure)
-    moved2 = _moved2(best.rotation, best.shift_mm, best.sure, r, t)
-    if moved2 > how.moved_distance2 or not is_positive_definite(sure - NEARLY * best.sure):
+    r, t, sure, distance2 = (
+        best.rotation.copy(), best.shift_mm.copy(), best.sure.copy(), best.distance2.copy(),
+    )  # fmt: skip
+    within = _refine_within(
+        target, source, best.pairs, likelihood(params.refine), joining, best.floor_mm,
+        how.moved_distance2, r, t, sure, distance2,
+    )  # fmt: skip
+    if not within:
         return best
-    distance2 = distances2(target, source, best.pairs, likely, best.floor_mm, r, t)
     return best._replace(rotation=r, shift_mm=t, sure=sure, distance2=distance2)
+
+
+@compiled
+def _refine_within(
+    target: Patches,
+    source: Patches,
+    pairs: IntArray,
+    likely: Likelihood,
+    joining: Joining,
+    floor_mm: float,
+    most_moved2: float,
+    r: FloatArray,
+    t: FloatArray,
+    sure: FloatArray,
+    distance2: FloatArray,
+) -> bool:
+    """Refine a pose in place; False where it leaves what was known of it, or is known less well.
+
+    sure: (6, 6), distance2: (m,) of the pairs (m, 2), in and out.
+    """
+    old_r, old_t, old_sure = r.copy(), t.copy(), sure.copy()
+    agreeing = pairs[distance2 < joining.distance2]
+    _refine(target, source, agreeing, likely, joining, r, t, sure)
+    moved2 = _moved2(old_r, old_t, old_sure, r, t)
+    if moved2 > most_moved2 or not is_positive_definite(sure - NEARLY * old_sure):
+        return False
+    distance2[:] = distances2(target, source, pairs, likely, floor_mm, r, t)
+    return True
 
 
 @compiled
