@@ -147,49 +147,68 @@ def view_of(fan: Fan, patches: Patches, place: IntArray, strides: IntArray, max_
 @compiled
 def _image(fan: Fan, label: IndexArray, planes: FloatArray, max_gap: int) -> NDArray[np.float32]:
     rows, columns = label.shape
-    image = np.empty((rows, columns, 3), np.float32)
+    image, far = np.empty((rows, columns, 3), np.float32), np.float32(-np.inf)
     widest, gap = OPEN_GAP * fan.gap_mm, np.abs(np.diff(fan.x_mm))
     # The least of three depths in a profile, of the three latest profiles.
-    beside = np.full((3, columns), -np.inf)
+    depth, beside = np.empty(columns, np.float32), np.full((3, columns), far)
     for latest in range(rows + 1):
-        row = beside[latest % 3]
-        row[:] = -np.inf
         if latest < rows:
-            depth, patch = _bridged(fan, latest, label[latest], planes, max_gap)
-            image[latest, :, DEPTH], image[latest, :, PATCH] = depth, patch
-            for u in range(1, columns - 1):
-                a, b, c = depth[u - 1], depth[u], depth[u + 1]
-                row[u] = min(min(a, b), c) if np.isfinite(a + b + c) else -np.inf
+            _take_profile(fan, latest, label[latest], planes, max_gap, depth, image[latest])
+            _take_least(depth, beside[latest % 3])
         if latest == 0:
             continue
-        between = 1 < latest < rows and max(gap[latest - 2], gap[latest - 1]) <= widest
-        for u in range(columns):
-            least = min(min(beside[0, u], beside[1, u]), beside[2, u])
-            image[latest - 1, u, NEAREST] = least if between else -np.inf
+        row = image[latest - 1]
+        if 1 < latest < rows and max(gap[latest - 2], gap[latest - 1]) <= widest:
+            x, y, z = beside[0], beside[1], beside[2]
+            for u in range(columns):
+                least = x[u] if x[u] < y[u] else y[u]
+                row[u, NEAREST] = least if least < z[u] else z[u]
+        else:
+            row[:, NEAREST] = far
     return image.reshape(-1, 3)
 
 
 @compiled
-def _bridged(
-    fan: Fan, profile: int, label: IndexArray, planes: FloatArray, max_gap: int
-) -> tuple[FloatArray, IndexArray]:
-    """Depths and patches (pixels,) of a profile, with those of short gaps in a patch.
+def _take_profile(
+    fan: Fan,
+    profile: int,
+    label: IndexArray,
+    planes: FloatArray,
+    max_gap: int,
+    depth: NDArray[np.float32],
+    row: NDArray[np.float32],
+) -> None:
+    """Depths (pixels,), out, of a profile, which with its patches go to a row of the image, too.
 
     Up to max_gap beams that brought nothing back, between two that met the same patch, are taken
     to have met it as well.
     """
-    depth, patch, last = fan.depth_mm[profile].copy(), label.copy(), 0
-    for u in range(depth.size):
-        if not np.isfinite(depth[u]):
+    measured, last = fan.depth_mm[profile], 0
+    for u in range(measured.size):
+        d = measured[u]
+        depth[u] = d
+        row[u, DEPTH], row[u, PATCH] = d, label[u]
+        if np.isnan(d):
             continue
-        i = label[u]
-        if 1 < u - last <= max_gap + 1 and 0 <= i == label[last]:
+        if 1 < u - last <= max_gap + 1 and 0 <= label[u] == label[last]:
+            i = label[u]
             for v in range(last + 1, u):
                 along = planes[i, 1] * fan.column_slope[v] + planes[i, 2]
                 depth[v] = (planes[i, 3] - planes[i, 0] * fan.x_mm[profile]) / along
-                patch[v] = i
+                row[v, DEPTH], row[v, PATCH] = depth[v], i
         last = u
-    return depth, patch
+
+
+@compiled
+def _take_least(depth: NDArray[np.float32], least: NDArray[np.float32]) -> None:
+    """The least of three depths (pixels,), but for both ends; -inf, where one is missing."""
+    # Not by min and isfinite: loops with them run on one point at a time.
+    most = np.float32(np.inf)
+    for u in range(1, depth.size - 1):
+        a, b, c = depth[u - 1], depth[u], depth[u + 1]
+        m = a if a < b else b
+        m = m if m < c else c
+        least[u] = m if abs(a + b + c) < most else -most
 
 
 @compiled
