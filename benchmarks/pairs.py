@@ -82,6 +82,7 @@ def entries(all_cores: bool) -> list[Entry]:
         Entry("thesis", "thesis", ThesisParams()),
     ]
     peers = []
+    # The last voxel is the library's own: of Open3D's tutorial, and KISS-Matcher's default.
     for name, method, params_type, own_voxel_mm in (
         ("RANSAC", "open3d_ransac", RansacParams, 50.0),
         ("FGR", "open3d_fgr", FgrParams, 50.0),

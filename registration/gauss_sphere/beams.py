@@ -59,7 +59,7 @@ class Fan(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """A scan as the compiled loops take it: arrays of one kind, for each of which they compile.
+    """A scan as the compiled loops take it: always the same kinds of arrays, or they compile anew.
 
     points_mm: (profiles, pixels, 3).  step_mm: between profiles along X.  apex_mm: (3,), NaN where
     the scan does not carry it.  lean: (2,) see Fan.
@@ -72,7 +72,7 @@ class Measured(NamedTuple):
 
 
 def measured(scan: Scan) -> Measured:
-    """A scan as the compiled loops take it."""
+    """The same scan, for the compiled loops."""
     apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
     lean = scan.travel[1:] / scan.travel[0]
     return Measured(_points_of(scan), float(scan.step_mm * scan.travel[0]), apex_mm, lean)
@@ -85,7 +85,7 @@ def profiles_in_fan(scan: Scan) -> BoolArray:
 
 def _points_of(scan: Scan) -> FloatArray:
     points_mm = np.ascontiguousarray(scan.points_mm).view()
-    points_mm.setflags(write=False)
+    points_mm.setflags(write=False)  # as those of Scan.from_points are
     return points_mm
 
 
@@ -93,10 +93,10 @@ def seems_turned_around(fan: Fan) -> bool:
     """Whether the beams seem to meet beyond the points, as where Z is height in place of depth."""
     if fan.apex_mm[2] > -PARALLEL_APEX_MM:
         return False
-    measured = np.isfinite(fan.depth_mm)
-    z, y = (np.where(measured, values, 0.0) for values in (fan.depth_mm, fan.slope * fan.depth_mm))
-    n = np.maximum(measured.sum(axis=0), 1)
-    off_z = np.where(measured, z - z.sum(axis=0) / n, 0.0)
+    returned = np.isfinite(fan.depth_mm)
+    z, y = (np.where(returned, values, 0.0) for values in (fan.depth_mm, fan.slope * fan.depth_mm))
+    n = np.maximum(returned.sum(axis=0), 1)
+    off_z = np.where(returned, z - z.sum(axis=0) / n, 0.0)
     clear = (off_z**2).sum(axis=0) > CLEAR_MM**2 * n
     if clear.sum() < LEAST_PIXELS:
         return False

@@ -204,7 +204,7 @@ def _read_at(table: EvenTable, there: _Places, value: FloatArray) -> None:
     right, below, beyond = here[1:], here[nodes:], here[nodes + 1 :]
     node, xs, ys = there.node, there.past_x, there.past_y
     for j in range(value.size):
-        x, y, i = xs[j], ys[j], np.uint64(node[j])  # without a sign, no index counts from the end
+        x, y, i = xs[j], ys[j], np.uint64(node[j])  # with a sign, each would be tested for it
         near = here[i] + y * (right[i] - here[i])
         far = below[i] + y * (beyond[i] - below[i])
         value[j] = near + x * (far - near)

@@ -175,13 +175,14 @@ def _agreeing(
     patches: Patches,
     pairs: IntArray,
     distance2: FloatArray,
-    near2: float,
+    agreeing2: float,
     same_rad: float,
     same_mm: float,
 ) -> IntArray:
+    """The pairs (m, 2) within a squared distance, the first of each different plane."""
     different, n = np.empty_like(pairs), 0
     for c in range(distance2.size):
-        if not distance2[c] < near2:
+        if not distance2[c] < agreeing2:
             continue
         i, new = pairs[c, 0], True
         for k in different[:n, 0]:

@@ -37,8 +37,8 @@ def describe(scan: Scan, params: GaussSphereParams) -> View:
 
 @lru_cache(maxsize=8)
 def _places(n: int, strides: tuple[int, ...]) -> tuple[IntArray, IntArray]:
-    shares = np.array(strides)
-    return places_of_samples(n, shares), shares
+    looked_at = np.array(strides)
+    return places_of_samples(n, looked_at), looked_at
 
 
 @compiled
@@ -52,7 +52,7 @@ def _described(
     place: IntArray,
     strides: IntArray,
 ) -> View:
-    # In one loop, because to hand a scan's arrays from one to the next through Python costs time.
+    # In one call, because to hand a scan's arrays from one to the next through Python costs time.
     fan = fan_of(scan)
     measured_mm = fan.depth_mm
     if known.given:

@@ -48,9 +48,7 @@ def grown(fan: Fan, segments: Segments, how: Growing) -> Grouped:
         reach_mm,
     )  # fmt: skip
     least_mm = ONE_PLACE * fan.gap_mm
-    n_patches = _keep_large(
-        segments, owner, fan.x_mm, least_mm, how.min_points, how.min_profiles
-    )  # fmt: skip
+    n_patches = _keep_large(segments, owner, fan.x_mm, least_mm, how.min_points, how.min_profiles)
     return grouped(segments, owner, n_patches, fan.depth_mm, how.edge_pixels)
 
 

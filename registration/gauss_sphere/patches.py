@@ -51,7 +51,7 @@ class Fitting(NamedTuple):
 
 def fitting(params: PatchParams) -> Fitting:
     """The parameters that say how planes are fitted."""
-    return Fitting(params.gate_sigma, max(params.fit_rounds, 1), params.min_points)
+    return Fitting(params.gate_sigma, params.fit_rounds, params.min_points)
 
 
 @compiled
@@ -66,7 +66,7 @@ def fit_patches(
 
     With a calibration its bias is taken out of measured_mm (profiles, pixels) by the very planes
     that are fitted, starting from fan.depth_mm as straightening left it. fan.depth_mm is changed in
-    place: the points of planes get their corrected depths.
+    place: the points of planes get their corrected depths. Without one it is measured_mm itself.
     """
     n_patches = points.start.size
     start, end, place, depth = points.start, points.end, points.place, fan.depth_mm.reshape(-1)

@@ -1,4 +1,4 @@
-"""The method, stage by stage: profiles, segments, patches, Gauss spheres, rotation, translation."""
+"""The method, stage by stage: planes, Gauss spheres, rotation, translation, verification."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def beams_of(fan: Fan, measured: FloatArray, points: Grouped, i: int, most: int)
             # Multiples of the golden ratio fall everywhere; even steps could follow one column.
             share = (j + 0.5) * GOLDEN_RATIO
             at = int((share - np.floor(share)) * n)
-        # Without a sign, no index counts from the end.
+        # With a sign, each index would be tested for it, as those below 0 count from the end.
         k, p = np.uint64(place[at]), np.uint64(profile[at])
         beams[X, j], beams[SLOPE, j] = fan.x_mm[p], slope[k]
         beams[DEPTH, j], beams[SIGMA, j], beams[MEASURED, j] = depth[k], sigma[k], all_measured[k]

@@ -24,7 +24,10 @@ MAY_BE_ZERO = frozenset(
 
 
 class Checked:
-    """A stage's parameters, refused in one line where a number is none that it may be."""
+    """A stage's parameters, refused in one line where a number is none that it may be.
+
+    8 becomes 8.0 where numbers need not be whole: for another kind, loops would compile anew.
+    """
 
     def __post_init__(self) -> None:
         _check(self)
@@ -45,6 +48,7 @@ def _check(stage: object) -> None:
             whole(stage, name, 0 if name in MAY_BE_ZERO else 1)
         elif isinstance(default, float):
             within(stage, name, 0.0, math.inf, above_low=name not in MAY_BE_ZERO)
+            object.__setattr__(stage, name, float(getattr(stage, name)))
     if len(set(several.values())) > 1:
         counts = ", ".join(f"{name} {count}" for name, count in several.items())
         raise ValueError(f"{type(stage).__name__} has {counts} numbers; must be as many of each")
@@ -59,4 +63,6 @@ def _numbers(stage: object, name: str, are_whole: bool) -> int:
     if not good:
         wanted = f"a tuple of {'whole ' if are_whole else ''}numbers above 0"
         raise ValueError(f"{type(stage).__name__}.{name} is {value!r}; must be {wanted}")
+    if not are_whole:
+        object.__setattr__(stage, name, tuple(map(float, value)))
     return len(value)

@@ -32,12 +32,13 @@ OFFERED = 1.5
 # That a pose which is not turned is moved by, at least. Nearer ones were the pose itself, slid
 # along where little tells, as often as they were another.
 REPEATED_MM = 60.0
-# What wide steps must reach, for fine ones to be taken: of the score that a pose needs, and of
-# contradiction over support. A pose is at most 4 mm off then, in each direction, which is within
+# What wide steps must reach, for fine ones to be taken: of the score that a pose needs, and at most
+# of contradiction over support. A pose is at most 4 mm off then, in each direction, which is within
 # the tolerance of a comparison. Of 3,300 that fine steps made good, 4 had less, 2 of them hardly.
-WORTH_FINE_STEPS, FAR_FROM_FREE = 0.65, 0.15
-# The same after fine steps of each width. Of 6,700 that all samples then called good, 3 had less.
-WORTH_GOING_ON, NOT_YET_FREE = 0.75, 0.1
+BEFORE_FINE_STEPS = 0.65, 0.15
+# The same after fine steps of each width, by a fourth of the samples. Of 6,700 that by all samples
+# then had 0.8 of the score and were nearly free, as symmetry.py asks for, 3 had less.
+AFTER_FINE_STEPS = 0.75, 0.1
 FAR_OFF = 0.5  # contradiction over support from which on it is not moved, either
 NEARLY_FREE = 0.05  # with less it may be where it belongs, but for a few mm
 
@@ -72,7 +73,7 @@ class Turned(NamedTuple):
     rotation: (n, 3, 3); shift_mm: (n, 3); unturned: (n,); along: (n, 2, 3) the directions that each
     was moved along; areas: (n, 2) and score: (n,) of what the scans say of it, 0 where another one
     that is turned alike (or, of those that are not turned, in the same place), and seemed to fit
-    better, did well, where wide steps led to too little, and where one that is not turned came near
+    better, did well, where steps led to too little, and where one that is not turned came near
     the pose that it started from.
     """
 
@@ -205,7 +206,7 @@ def _move_to_fit(
 ) -> bool:
     """Move a pose along two directions (2, 3) to a better score: t (3,) is changed in place.
 
-    Returns False where steps lead to so little that no finer ones are taken.
+    Returns False where steps lead to so little that it is given up.
     """
     seen, some, there, trial = (target.seen, source.seen), np.empty(2), np.empty(2), np.empty(3)
     tolerance_mm, stride = turning.tolerance_mm, 0
@@ -220,10 +221,7 @@ def _move_to_fit(
             compare_both(*seen, how, r, t, tolerance_mm, stride, counts, there)
             best = score_of(how, there)
             in_vain[:] = False
-            if step_mm <= FINE_MM and (
-                best < WORTH_FINE_STEPS * turning.needed
-                or there[CONTRADICTION] > FAR_FROM_FREE * there[SUPPORT]
-            ):
+            if step_mm <= FINE_MM and not _reaches(best, there, turning, BEFORE_FINE_STEPS):
                 return False
         for axis in range(2):
             for way in range(2):
@@ -240,11 +238,18 @@ def _move_to_fit(
                     in_vain[:] = False
                     in_vain[axis, 1 - way] = True  # back to where it was
         if in_vain.all():
-            if step_mm <= FINE_MM and (
-                best < WORTH_GOING_ON * turning.needed
-                or there[CONTRADICTION] > NOT_YET_FREE * there[SUPPORT]
-            ):
+            if step_mm <= FINE_MM and not _reaches(best, there, turning, AFTER_FINE_STEPS):
                 return False
             step_mm *= 0.5
             in_vain[:] = False
     return True
+
+
+@compiled
+def _reaches(
+    score: float, areas: FloatArray, turning: Turning, wanted: tuple[float, float]
+) -> bool:
+    """Whether a pose has such a share of the score it needs, and no more against it than that."""
+    least, most = wanted
+    free = areas[CONTRADICTION] <= most * areas[SUPPORT]
+    return bool(free and score >= least * turning.needed)

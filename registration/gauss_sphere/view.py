@@ -18,6 +18,7 @@ CELLS_PER_BEAM = 8
 MOST_CELLS_PER_BEAM = 64  # where profiles lie far apart
 UNSEEN = 1.5  # of the usual gap: what lies farther from every profile was not looked at
 OPEN_GAP = 2.0  # of the usual gap: what is free beside a wider one is not known
+NOT_KNOWN = np.float32(-np.inf)  # for the least depth: nothing in front of it is free
 
 
 class Seen(NamedTuple):
@@ -92,11 +93,12 @@ def view_of(fan: Fan, patches: Patches, place: IntArray, strides: IntArray, max_
 
     place: places_of_samples, of as many as are wanted, for these strides.
     """
-    if patches.n_points.sum() < place.size:
-        place = places_of_samples(patches.n_points.sum(), strides)
+    n_all = patches.n_points.sum()
+    if n_all < place.size:
+        place = places_of_samples(n_all, strides)
     profile_of, x_low, cells_per_mm = _nearest_profiles(fan)
     pixel_of, slope_low, cells_per_slope = _nearest_pixels(fan.column_slope)
-    label, n, n_all = patches.label, place.size, patches.n_points.sum()
+    label, n = patches.label, place.size
     points, patch, area = np.empty((3, n)), np.empty(n, np.int64), np.empty(n)
     sampled = np.zeros(patches.n_points.size)
     planes, x_mm = planes_in_beams(fan, patches), fan.x_mm
@@ -147,10 +149,10 @@ def view_of(fan: Fan, patches: Patches, place: IntArray, strides: IntArray, max_
 @compiled
 def _image(fan: Fan, label: IndexArray, planes: FloatArray, max_gap: int) -> NDArray[np.float32]:
     rows, columns = label.shape
-    image, far = np.empty((rows, columns, 3), np.float32), np.float32(-np.inf)
+    image = np.empty((rows, columns, 3), np.float32)
     widest, gap = OPEN_GAP * fan.gap_mm, np.abs(np.diff(fan.x_mm))
     # The least of three depths in a profile, of the three latest profiles.
-    depth, beside = np.empty(columns, np.float32), np.full((3, columns), far)
+    depth, beside = np.empty(columns, np.float32), np.full((3, columns), NOT_KNOWN)
     for latest in range(rows + 1):
         if latest < rows:
             _take_profile(fan, latest, label[latest], planes, max_gap, depth, image[latest])
@@ -164,7 +166,7 @@ def _image(fan: Fan, label: IndexArray, planes: FloatArray, max_gap: int) -> NDA
                 least = x[u] if x[u] < y[u] else y[u]
                 row[u, NEAREST] = least if least < z[u] else z[u]
         else:
-            row[:, NEAREST] = far
+            row[:, NEAREST] = NOT_KNOWN
     return image.reshape(-1, 3)
 
 
@@ -178,7 +180,7 @@ def _take_profile(
     depth: NDArray[np.float32],
     row: NDArray[np.float32],
 ) -> None:
-    """Depths (pixels,), out, of a profile, which with its patches go to a row of the image, too.
+    """Depths (pixels,) of a profile, and its row (pixels, 3) of the image but for NEAREST, out.
 
     Up to max_gap beams that brought nothing back, between two that met the same patch, are taken
     to have met it as well.
@@ -201,14 +203,13 @@ def _take_profile(
 
 @compiled
 def _take_least(depth: NDArray[np.float32], least: NDArray[np.float32]) -> None:
-    """The least of three depths (pixels,), but for both ends; -inf, where one is missing."""
+    """The least of three depths (pixels,), out but for both ends, which stay as they are."""
     # Not by min and isfinite: loops with them run on one point at a time.
-    most = np.float32(np.inf)
     for u in range(1, depth.size - 1):
         a, b, c = depth[u - 1], depth[u], depth[u + 1]
         m = a if a < b else b
         m = m if m < c else c
-        least[u] = m if abs(a + b + c) < most else -most
+        least[u] = m if abs(a + b + c) < -NOT_KNOWN else NOT_KNOWN
 
 
 @compiled

@@ -84,9 +84,10 @@ def _refine_within(
     sure: FloatArray,
     distance2: FloatArray,
 ) -> bool:
-    """Refine a pose in place; False where it leaves what was known of it, or is known less well.
+    """Refine a pose; False where it leaves what was known of it, or is known less well.
 
-    sure: (6, 6), distance2: (m,) of the pairs (m, 2), in and out.
+    r (3, 3), t (3,) and sure (6, 6) are changed in place either way, distance2 (m,) of the pairs
+    (m, 2) if it is True.
     """
     old_r, old_t, old_sure = r.copy(), t.copy(), sure.copy()
     agreeing = pairs[distance2 < joining.distance2]

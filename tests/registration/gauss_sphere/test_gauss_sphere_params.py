@@ -50,6 +50,11 @@ def test_what_cannot_be_is_refused_in_one_line(stage: type, arguments: dict, mes
     assert "\n" not in str(caught.value)
 
 
+def test_whole_numbers_stand_for_others() -> None:
+    assert isinstance(SegmentParams(cliff_mm=8).cliff_mm, float)
+    assert all(isinstance(one, float) for one in RefineParams(floors_mm=(1, 2)).floors_mm)
+
+
 @pytest.mark.parametrize("stage", STAGES)
 def test_every_number_is_checked(stage: str) -> None:
     params = getattr(GaussSphereParams(), stage)

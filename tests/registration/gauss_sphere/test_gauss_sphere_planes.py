@@ -10,6 +10,7 @@ import pytest
 from plane_scans import APEX_BEHIND_MM, plates_from, random_clutter, scan_plates
 
 from registration import Scan
+from registration.gauss_sphere import describing
 from registration.gauss_sphere.beams import fan_of, measured
 from registration.gauss_sphere.calibrated import NOTHING_KNOWN
 from registration.gauss_sphere.depth_noise import depth_noise
@@ -45,16 +46,15 @@ def test_the_apex_is_found_where_the_beams_meet() -> None:
 def test_the_loops_are_compiled_once_for_scans_of_any_origin() -> None:
     rng = np.random.default_rng(0)
     scan = scan_plates(random_clutter(rng), noise=1.0, rng=rng)
-    fan_of(measured(scan))
-    kinds = len(fan_of.signatures)
-    fan_of(measured(pickle.loads(pickle.dumps(scan))))
-    fan_of(measured(Scan.from_points(np.asfortranarray(scan.points_mm), 5.0, apex_mm=(0, 0, -60))))
-    fan_of(
-        measured(
-            Scan.from_points(scan.points_mm[::2, ::2].astype(np.float32), 5.0, travel=(1, 0, 0.1))
-        )
-    )
-    assert len(fan_of.signatures) == kinds
+    params = GaussSphereParams()
+    describe(scan, params)
+    kinds = len(describing._described.signatures)
+    describe(pickle.loads(pickle.dumps(scan)), params)
+    fortran = Scan.from_points(np.asfortranarray(scan.points_mm), 5.0, apex_mm=(0, 0, -60))
+    describe(fortran, GaussSphereParams(segments=SegmentParams(cliff_mm=10)))
+    single = scan.points_mm[::2, ::2].astype(np.float32)
+    describe(Scan.from_points(single, 5, travel=(1, 0, 0.1)), params)
+    assert len(describing._described.signatures) == kinds
 
 
 def test_marks_of_no_return_absurdly_far_away_leave_the_apex() -> None:
