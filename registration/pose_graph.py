@@ -109,7 +109,8 @@ def close_loops(edges: Sequence[RelativePose], reference: str, robust: bool = Tr
     p_value = float(chi2.sf(distance2.sum(), freedom)) if freedom else 1.0
     for _ in range(ROUNDS if robust and freedom else 0):
         before, weight = weight, 1.0 / (1.0 + distance2 / CAUCHY2)
-        if np.abs(weight - before).max() < 1e-5:
+        # Where an edge is far off, all weights are tiny at first: only their ratios matter.
+        if np.abs(weight - before).max() < 1e-5 * weight.max():
             break
         poses = _least_squares(edges, views, poses, whitening, weight)
         distance2 = _distances2(edges, views, poses, whitening)

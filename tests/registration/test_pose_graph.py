@@ -194,6 +194,21 @@ def test_an_inconsistent_edge_loses_its_weight(bad: int) -> None:
     assert worst(robust) < 0.2 * worst(plain)
 
 
+@pytest.mark.parametrize("turn_rad", [0.2, 1.5])
+def test_of_three_poses_of_one_pair_one_far_off_loses_its_weight(turn_rad: float) -> None:
+    """However sure they are: at first all three are as far off as the wrong one pulls them."""
+    true, edges = graph(np.random.default_rng(12), [("a", "b"), ("b", "a"), ("a", "b")], noise=0.01)
+    edges = [replace(edge, covariance=1e-4 * edge.covariance) for edge in edges]
+    wrong = perturbation(np.array([turn_rad, 0.0, 0.0, 500.0, 0.0, 0.0]))
+    edges[2] = replace(edges[2], T_target_source=wrong * edges[2].T_target_source)
+    found = close_loops(edges, "a")
+    assert int(found.weight.argmin()) == 2
+    assert found.weight[2] < 1e-3
+    off = gap(true["a"].inv() * true["b"], found.relative("a", "b").T_target_source)
+    exact = close_loops(edges[:2], "a").relative("a", "b").T_target_source
+    assert np.abs(off).max() < 1.1 * np.abs(gap(true["a"].inv() * true["b"], exact)).max()
+
+
 def test_a_single_loop_reports_that_it_does_not_close() -> None:
     _, edges = graph(np.random.default_rng(10), LOOP, noise=0.3)
     assert close_loops(edges, "a").p_value > 0.01
