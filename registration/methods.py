@@ -53,7 +53,7 @@ def find_method(name: str) -> Method:
     known = METHODS | PROFILE_METHODS
     if name in known:
         return known[name]
-    module_name, colon, function_name = name.partition(":")
+    module_name, colon, function_name = str(name).partition(":")
     if not colon:
         raise UnknownMethodError(
             f"unknown method {name!r}; known are {', '.join(known)}, or a function of your own "
@@ -73,9 +73,15 @@ def register(
 
     params: an instance of the method's params_type; its defaults when None.
     A pair that cannot be registered comes back with status and reason; only a method that is
-    unknown or misconfigured raises: UnknownMethodError, or TypeError for params of another type.
+    unknown or misconfigured raises: UnknownMethodError, or TypeError for params of another type or
+    arrays that are no scans.
     """
     chosen = find_method(method)
+    for name, scan in (("target", target), ("source", source)):
+        if not isinstance(scan, Scan):
+            raise TypeError(
+                f"{name} is of type {type(scan).__name__}; expected Scan, as Scan.from_points makes"
+            )
     if params is None:
         params = chosen.params_type()
     if ":" not in method and not isinstance(params, chosen.params_type):

@@ -68,8 +68,9 @@ class Scan:
                 f"points_mm has shape {points.shape}; expected (profiles, pixels, 3), "
                 "NaN where nothing returned"
             )
-        if not (np.isfinite(step_mm) and step_mm > 0.0):
-            raise ScanError(f"step_mm is {step_mm}; expected a length above 0 mm")
+        step = np.asarray(step_mm)
+        if step.shape != () or step.dtype.kind not in "iuf" or not 0.0 < step < np.inf:
+            raise ScanError(f"step_mm is {step_mm!r}; expected a length above 0 mm")
         points[~np.isfinite(points).all(axis=2)] = np.nan
         brightness = None
         if intensity is not None:

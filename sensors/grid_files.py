@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,6 +18,8 @@ INDICES = ("profile", "pixel")
 COORDINATES = ("x_mm", "y_mm", "z_mm")
 MOST_PROFILES = 10_000
 MOST_PIXELS = 10_000
+# Of beams without a point for each one with it, in a file of more than a few: as many are no scan.
+EMPTIEST, FEW_BEAMS = 100, 1_000_000
 
 
 class GridFileError(ValueError):
@@ -28,7 +33,15 @@ def read_csv(path: Path) -> tuple[FloatArray, FloatArray | None]:
     and pixel count from 0. Raises GridFileError with the line, OSError.
     """
     try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False, skipinitialspace=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # of more values than names
+            table = pd.read_csv(
+                path, dtype=str, keep_default_na=False, skipinitialspace=True, index_col=False
+            )
+    except pd.errors.ParserWarning:
+        raise GridFileError(
+            f"{path}: line 2: has more values than line 1 names columns; expected as many"
+        ) from None
     except (ValueError, UnicodeDecodeError) as error:  # pandas raises its errors as ValueErrors
         problem = str(error).splitlines()[0].removeprefix("Error tokenizing data. ")
         raise GridFileError(f"{path}: is no table of comma-separated values: {problem}") from None
@@ -68,16 +81,14 @@ def read_ply(path: Path) -> FloatArray:
     try:
         loaded = trimesh.load(str(path), file_type="ply", process=False)
         vertices = loaded.metadata["_ply_raw"]["vertex"]["data"]
-        xyz = np.stack([np.asarray(vertices[name], np.float64).ravel() for name in "xyz"], axis=1)
+        names = list(vertices) if isinstance(vertices, dict) else vertices.dtype.names
+        xyz = _columns(vertices, "xyz")
+        index = _columns(vertices, INDICES) if all(name in names for name in INDICES) else None
     except Exception as error:  # whatever is wrong inside, the library's words would not help
         raise GridFileError(
             f"{path}: is no .ply file with vertices of properties x, y, z"
         ) from error
-    names = list(vertices) if isinstance(vertices, dict) else vertices.dtype.names
-    if all(name in names for name in INDICES):
-        index = np.stack(
-            [np.asarray(vertices[name], np.float64).ravel() for name in INDICES], axis=1
-        )
+    if index is not None:
         return _gridded(path, index, xyz, None)
     if rows is None or columns is None:
         raise GridFileError(
@@ -91,6 +102,10 @@ def read_ply(path: Path) -> FloatArray:
             f"{len(xyz)}"
         )
     return xyz.reshape(rows, columns, 3)
+
+
+def _columns(vertices: Any, names: Sequence[str]) -> FloatArray:
+    return np.stack([np.asarray(vertices[name], np.float64).ravel() for name in names], axis=1)
 
 
 def _grid_of_header(path: Path) -> tuple[int | None, int | None]:
@@ -130,6 +145,11 @@ def _gridded(path: Path, index: FloatArray, xyz: FloatArray, where: list[str] | 
             raise GridFileError(f"{path}: {place(int(wrong[0]))}: {problem}")
     cell: IntArray = index.astype(np.int64)
     shape = cell.max(axis=0) + 1
+    if shape.prod() > max(FEW_BEAMS, EMPTIEST * len(cell)):
+        raise GridFileError(
+            f"{path}: {len(cell)} points of {shape[0]} profiles of {shape[1]} pixels; expected "
+            f"one for every {EMPTIEST} beams or more, and indices that count from 0"
+        )
     flat = cell[:, 0] * shape[1] + cell[:, 1]
     order = np.argsort(flat, kind="stable")
     again = np.flatnonzero(np.diff(flat[order]) == 0)

@@ -63,7 +63,7 @@ def _read_npz(path: Path, step_mm: float | None, travel: FloatArray | None) -> S
     if step_mm is None:
         if "step_mm" not in arrays:
             raise ScanFileError(f"{path}: holds no step_mm between profiles; give it, as --step")
-        if np.shape(arrays["step_mm"]) != ():
+        if arrays["step_mm"].shape != () or arrays["step_mm"].dtype.kind not in "iuf":
             raise ScanFileError(f"{path}: step_mm should be one number")
         step_mm = float(arrays["step_mm"])
     return Scan.from_points(

@@ -56,6 +56,12 @@ def test_what_warms_the_kernels_up_goes_through_every_stage_of_the_thesis() -> N
     assert result.status == "ok"
 
 
+def test_arrays_that_are_no_scans_are_named() -> None:
+    scan = Scan.from_points(np.full((5, 8, 3), np.nan), step_mm=5.0)
+    with pytest.raises(TypeError, match="source is of type ndarray; expected Scan"):
+        register(scan, scan.points_mm)
+
+
 def test_parameters_of_another_type_are_named() -> None:
     scan = Scan.from_points(np.full((5, 8, 3), np.nan), step_mm=5.0)
     with pytest.raises(TypeError, match="of type dict; expected GaussSphereParams of registration"):

@@ -15,6 +15,7 @@ from sensors.scan_files import ScanFileError, read_scan
 HEADER = "profile,pixel,x_mm,y_mm,z_mm\n"
 PLY = "ply\nformat ascii 1.0\n{info}element vertex {n}\n{properties}end_header\n{rows}"
 XYZ = "property float x\nproperty float y\nproperty float z\n"
+INDEXED = "property int profile\nproperty int pixel\n"
 
 
 def points(rng: np.random.Generator, rows: int = 4, columns: int = 6) -> np.ndarray:
@@ -80,6 +81,8 @@ def test_csv_may_hold_intensity(tmp_path: Path) -> None:
         ("a.csv", HEADER, "holds no point"),
         ("a.csv", "", "no table of comma-separated values"),
         ("a.csv", HEADER + "0,0,1,2,3\n0,1,1,2,3,4,5\n", "line 3"),
+        ("a.csv", HEADER + "0,0,1,2,3,9\n0,1,1,2,3,9\n", "line 2: has more values than line 1"),
+        ("a.csv", HEADER + "0,0,1,2,3\n9999,9999,1,2,3\n", "2 points of 10000 profiles of 10000"),
         ("a.ply", "solid cube\n", "first line is not `ply`"),
         ("a.ply", "ply\nformat ascii 1.0\n", "no end_header"),
         ("a.ply", PLY.format(info="", n=1, properties=XYZ, rows="1 2 3\n"), "not organised"),
@@ -88,6 +91,8 @@ def test_csv_may_hold_intensity(tmp_path: Path) -> None:
         ("a.ply", PLY.format(info="obj_info num_rows x\n", n=1, properties=XYZ, rows="1 2 3\n"),
          "line 3: num_rows is 'x'"),
         ("a.ply", PLY.format(info="", n=5, properties="", rows=""), "no .ply file with vertices"),
+        ("a.ply", PLY.format(info="", n=3, properties=XYZ + INDEXED, rows="1 2 3 0 0\n1 2 3 0\n"),
+         "no .ply file with vertices"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_with_its_place(

@@ -48,6 +48,8 @@ def test_a_step_that_is_given_wins_over_the_one_in_the_file(scan: Scan, tmp_path
         ("a.npz", {"step_mm": 3.0}, "holds no points_mm"),
         ("a.npz", {"points_mm": np.zeros((2, 3)), "step_mm": 3.0}, "shape (2, 3)"),
         ("a.npz", {"points_mm": np.zeros((2, 3, 3)), "step_mm": [1, 2]}, "should be one number"),
+        ("a.npz", {"points_mm": np.zeros((2, 3, 3)), "step_mm": "five"}, "should be one number"),
+        ("a.npz", {"points_mm": np.zeros((2, 3, 3)), "step_mm": 5j}, "should be one number"),
         ("a.npz", {"points_mm": np.zeros((2, 3, 3)), "step_mm": -1.0}, "step_mm is -1.0"),
         ("a.npz", {"points_mm": np.array(["x", None])}, "no .npz file of plain arrays"),
         ("a.obj", {}, ".obj is not read; known are .3dx, .npz, .ply, .csv"),
