@@ -7,6 +7,7 @@ the pose, by amounts that planes which agree on the wrong pose do not show.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -237,7 +238,7 @@ def _add_view(
     label, slope, depth = patches.label.reshape(-1), fan.slope.reshape(-1), fan.depth_mm.reshape(-1)
     sigma, columns = fan.sigma_mm.reshape(-1), fan.slope.shape[1]
     stride = max(label.size // samples, 1)
-    if stride > 1 and columns % stride == 0:
+    while math.gcd(columns, stride) > 1:
         stride -= 1  # or it would follow some pixels only
     chosen, n = np.empty(label.size // stride + 1, np.int64), 0
     for j in range(stride // 2, label.size, stride):

@@ -86,7 +86,7 @@ NOTHING_KNOWN = Known(False, False, _NO_TABLE, _NO_TABLE, 0.0)
 
 
 @lru_cache(maxsize=8)
-def _read(path: str, _changed_ns: int) -> Known:
+def _read(path: str, _file: tuple[int, int, int]) -> Known:
     return known_of(read_calibration(path))
 
 
@@ -95,7 +95,10 @@ def read_known(path: str) -> Known:
 
     Raises CalibrationError or OSError.
     """
-    return _read(path, os.stat(path).st_mtime_ns) if path else NOTHING_KNOWN
+    if not path:
+        return NOTHING_KNOWN
+    file = os.stat(path)  # a path may lead to another one, from another directory
+    return _read(path, (file.st_dev, file.st_ino, file.st_mtime_ns))
 
 
 @compiled

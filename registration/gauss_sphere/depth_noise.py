@@ -9,7 +9,7 @@ from registration.scan import FloatArray, IntArray
 
 DEPTH_BINS = 6
 DEPTH_CELLS = 512
-NOISE_PROFILES = 16  # enough for the noise to a few percent
+NOISE_PROFILES = 16  # at most, enough for the noise to a few percent
 FEW_PROFILES, MAYBE = 3, 1.15  # at first: by how much noise must seem to grow to look at more
 MIN_TRIPLES_PER_BIN = 50
 MIN_SIGMA_MM = 0.02
@@ -72,7 +72,7 @@ def _all_bends(
     depth: FloatArray, slope: FloatArray, lag: int, profiles: int
 ) -> tuple[FloatArray, FloatArray]:
     """Depth (n,) and size (n,) of the second differences of some profiles all over the scan."""
-    stride = max(1, depth.shape[0] // profiles)
+    stride = -(-depth.shape[0] // profiles)
     middle, error = np.empty(depth.size), np.empty(depth.size)
     bend, n = np.empty(depth.shape[1]), 0
     for p in range(stride // 2, depth.shape[0], stride):
@@ -144,7 +144,7 @@ def _smoothed_by(depth: FloatArray, slope: FloatArray) -> float:
 @compiled
 def _share_of_turns(depth: FloatArray, slope: FloatArray, lag: int) -> float:
     """How many of the second differences that lie side by side have opposite signs."""
-    stride = max(1, depth.shape[0] // NOISE_PROFILES)
+    stride = -(-depth.shape[0] // NOISE_PROFILES)
     bend, turns, all_of_them = np.empty(depth.shape[1]), 0, 0
     for p in range(stride // 2, depth.shape[0], stride):
         _bends(depth[p], slope[p], lag, bend)

@@ -40,7 +40,10 @@ def patch_of_points(scan: Scan, view: View) -> IndexArray:
 
 
 def segment_ends(fan: Fan, params: GaussSphereParams) -> FloatArray:
-    """(n, 2, 3) ends in mm of the straight pieces that the planes of a view were grown from."""
+    """(n, 2, 3) ends in mm of straight pieces of a view's profiles, as planes are grown from.
+
+    With a calibration the planes have changed the depths since, and a few pieces with them.
+    """
     found = find_segments(fan, cutting(params.segments))
     w, s, ss, q, sq, _ = found.sums.T
     # The inverse depth is linear in the slope of the beam; the fit is the one of the stage.

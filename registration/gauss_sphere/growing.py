@@ -54,7 +54,10 @@ def grown(fan: Fan, segments: Segments, how: Growing) -> Grouped:
 
 @compiled
 def _plane_rss(m: FloatArray, max_c: float) -> float:
-    """Chi-square of the best plane q = A + B s + C x q for sums about its own centre in x.
+    """Chi-square of the best plane q = A + B s + C x q, in the noise at x = 0.
+
+    A residual is 1 - C x times that of q, as is the depth at x that at 0: with x = 0 far away, the
+    points of a plane tilted along X would seem to be off by more than they are, or by less.
 
     m: 1, s, ss, xq, s x q, x x q q, q, s q, x q q, q q.  max_c bounds C softly: the tilt along X.
     """
@@ -111,15 +114,13 @@ def _grow(
     n = profile.size
     first_of = np.searchsorted(profile, np.arange(x.size + 1))
     parent = np.arange(n)
-    total = np.zeros((n, 10))  # sums of the patch that the root stands for, about x of its root
+    total = np.zeros((n, 10))  # sums of the patch that the root stands for
+    about = x[profile]  # the x where they have 0
     points = count.astype(np.float64)
-    rss = np.zeros(n)
-    a, both = np.zeros(10), np.zeros(10)
+    one, other, both = np.zeros(10), np.zeros(10), np.zeros(10)
     for i in range(n):
         for j, k in ((0, 0), (1, 1), (2, 2), (6, 3), (7, 4), (9, 5)):
             total[i, j] = sums[i, k]
-        max_c = max_tilt * sums[i, 3] / sums[i, 0]
-        rss[i] = _plane_rss(total[i], max_c)
     for i in range(n):
         p = profile[i]
         joined = False
@@ -136,19 +137,19 @@ def _grow(
                 if ri == rj:
                     joined = True
                     continue
-                _shifted(total[ri], x[profile[ri]] - x[profile[rj]], a)
+                # About where they meet, for the noise there.
+                _shifted(total[ri], about[ri] - x[p], one)
+                _shifted(total[rj], about[rj] - x[p], other)
                 for t in range(10):
-                    both[t] = a[t] + total[rj, t]
+                    both[t] = one[t] + other[t]
                 max_c = max_tilt * both[6] / both[0]
-                together = _plane_rss(both, max_c)
-                loss = together - rss[ri] - rss[rj]
+                apart = _plane_rss(one, max_c) + _plane_rss(other, max_c)
+                loss = _plane_rss(both, max_c) - apart
                 fewer = min(points[ri], points[rj])
                 if loss < gain + tolerance * tolerance * fewer:
                     parent[ri] = rj
                     points[rj] += points[ri]
-                    for t in range(10):
-                        total[rj, t] = both[t]
-                    rss[rj] = together
+                    total[rj], about[rj] = both, x[p]
                     joined = True
     for i in range(n):
         parent[i] = _root(parent, i)

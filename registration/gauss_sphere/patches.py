@@ -7,18 +7,22 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.calibrated import DEPTH, Known
+from registration.gauss_sphere.calibrated import DEPTH, SIGMA, SLOPE, Known, X
 from registration.gauss_sphere.params import PatchParams
 from registration.gauss_sphere.plane_fit import fit_plane
 from registration.gauss_sphere.points import Grouped, beams_of
 from registration.gauss_sphere.rough_plane import SAMPLE
 from registration.gauss_sphere.small_matrices import invert_symmetric3
 from registration.kernels import compiled
-from registration.scan import FloatArray, IndexArray, IntArray
+from registration.scan import BoolArray, FloatArray, IndexArray, IntArray
+
+USUAL_POINTS = 50.0  # of the usual noise, that are counted with a plane's own
+LEAST_NOISE = 0.25  # of the usual variance: rounded depths may seem to have next to none
+MOST_PATCHES = 1000  # of the largest: the rest are pieces of what is not plane, or hardly any area
 
 
 class Patches(NamedTuple):
-    """Planes n . p = offset in the scan's frame, structure of arrays, most certain first.
+    """Planes n . p = offset in the scan's frame, structure of arrays, the largest first.
 
     normal: (m, 3) unit, towards the sensor.  centroid_mm: (m, 3) on the plane.
     offset_mm: (m,).  basis: (m, 2, 3) two unit tangents.
@@ -66,7 +70,8 @@ def fit_patches(
 
     With a calibration its bias is taken out of measured_mm (profiles, pixels) by the very planes
     that are fitted, starting from fan.depth_mm as straightening left it. fan.depth_mm is changed in
-    place: the points of planes get their corrected depths. Without one it is measured_mm itself.
+    place: the points of planes get their corrected depths. Without one it is measured_mm itself,
+    and covariances are by the noise that each plane's own points show.
     """
     n_patches = points.start.size
     start, end, place, depth = points.start, points.end, points.place, fan.depth_mm.reshape(-1)
@@ -75,7 +80,7 @@ def fit_patches(
     planes, moments = np.zeros((n_patches, 4)), np.zeros((n_patches, 7))
     centre, basis = np.zeros((n_patches, 3)), np.zeros((n_patches, 2, 3))
     spread, covariance = np.zeros((n_patches, 2)), np.zeros((n_patches, 3, 3))
-    g, area = np.zeros((3, 4)), np.zeros(n_patches)
+    g, area, shown = np.zeros((3, 4)), np.zeros(n_patches), np.zeros(n_patches)
     least = max(how.min_points, 4)
     for i in range(n_patches):
         a, b = start[i], end[i]
@@ -94,6 +99,8 @@ def fit_patches(
                 covariance[i],
             )  # fmt: skip
             area[i] = moments[i, 6] * area_per_beam
+            if not known.given:
+                shown[i] = _noise_shown(beams, kept[a:b], planes[i], fan.lean)
             # From the apex to the scan's own y and z.
             for t in range(1, 3):
                 centre[i, t] += fan.apex_mm[t]
@@ -101,7 +108,10 @@ def fit_patches(
         if known.given and area[i] > 0.0:
             for j in range(a, b):
                 depth[place[j]] = beams[DEPTH, j - a]
-    order = np.argsort(-area, kind="mergesort")[: np.count_nonzero(area > 0.0)]
+    if not known.given:
+        _weigh_by_noise(shown, np.where(area > 0.0, moments[:, 0], 0.0), covariance)
+    n_kept = min(np.count_nonzero(area > 0.0), MOST_PATCHES)
+    order = np.argsort(-area, kind="mergesort")[:n_kept]
     renumber = np.full(n_patches, -1)
     renumber[order] = np.arange(order.size)
     label = np.full(fan.depth_mm.shape, -1, np.int32)
@@ -123,6 +133,39 @@ def fit_patches(
         area[order],
         label,
     )
+
+
+@compiled
+def _noise_shown(beams: FloatArray, kept: BoolArray, plane: FloatArray, lean: FloatArray) -> float:
+    """Mean square of how far the kept beams (5, n) are off their plane, in their variances."""
+    travel, total, n = plane[0] + plane[1] * lean[0] + plane[2] * lean[1], 0.0, 0
+    for j in range(kept.size):
+        if kept[j]:
+            along = plane[1] * beams[SLOPE, j] + plane[2]
+            off = travel * beams[X, j] + along * beams[DEPTH, j] - plane[3]
+            total += (off / (along * beams[SIGMA, j])) ** 2
+            n += 1
+    return total / max(n - 3, 1)
+
+
+@compiled
+def _weigh_by_noise(shown: FloatArray, n_points: FloatArray, covariance: FloatArray) -> None:
+    """Covariances (m, 3, 3), changed in place, by the noise shown, in units of the usual one.
+
+    Noise grows with the inclination, which the depth alone does not tell, and bent planes seem to
+    have more. The usual one, that half of all points have or less, is what neighbours tell: where a
+    sensor smooths its profiles points are less off their planes than they are uncertain.
+
+    shown: (m,) of each plane, in variances; n_points: (m,) 0 for none.
+    """
+    order = np.argsort(shown, kind="mergesort")
+    reached = np.cumsum(n_points[order])
+    usual = shown[order[np.searchsorted(reached, 0.5 * reached[-1])]] if order.size else 0.0
+    if usual <= 0.0:
+        return
+    for i in range(order.size):
+        own = n_points[i] * shown[i] / usual
+        covariance[i] *= max((own + USUAL_POINTS) / (n_points[i] + USUAL_POINTS), LEAST_NOISE)
 
 
 @compiled
@@ -175,13 +218,12 @@ def _beam_area(fan: Fan) -> float:
 
     A gap wider than the usual one counts as that; of nearly constant ones the mean will do.
     """
-    low, high, seen = np.inf, -np.inf, 0.0
-    for u in range(fan.column_slope.size):
-        low, high = min(low, fan.column_slope[u]), max(high, fan.column_slope[u])
+    # Beyond the outermost columns in which anything returned, slopes are not known.
+    slope, seen = fan.column_slope[np.isfinite(fan.column_slope)], 0.0
     for p in range(1, fan.x_mm.size):
         seen += min(abs(fan.x_mm[p] - fan.x_mm[p - 1]), fan.gap_mm)
-    rows, columns = fan.depth_mm.shape
-    return float(abs(high - low) * seen / max((rows - 1) * (columns - 1), 1))
+    gaps = (fan.x_mm.size - 1) * (slope.size - 1)
+    return float(abs(slope[-1] - slope[0]) * seen / gaps) if gaps > 0 else 0.0
 
 
 @compiled

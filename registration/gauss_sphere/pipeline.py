@@ -45,6 +45,9 @@ UNFIT = (
     "the calibration does not fit the scans, it seems to be of another sensor: corrected by it, "
     "planes are bent as by a bias of up to {:.1f} mm, which the covariance allows for"
 )
+UNMOVED = (
+    "; all profiles lie at one X: points are to stand where the sensor's motion along X puts them"
+)
 BENT = "planes are bent as by a bias of up to {:.1f} mm, which the covariance allows for"
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
@@ -71,13 +74,16 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     started = perf_counter()
     for name, view in (("target", target), ("source", source)):
         if view.patches.n_points.size == 0:
+            taken = np.isfinite(view.fan.depth_mm).any(axis=1)
+            unmoved = taken.sum() > 1 and view.fan.gap_mm == 0.0
             return RegistrationResult(
                 None,
                 "failed",
                 f"no plane found in the {name} scan "
                 f"({np.isfinite(view.fan.depth_mm).sum()} measured points); at least "
                 f"{params.patches.min_profiles} profiles with "
-                f"{params.patches.min_points} points on one plane are needed",
+                f"{params.patches.min_points} points on one plane are needed"
+                + (UNMOVED if unmoved else ""),
                 stage="patches" if np.isfinite(view.fan.depth_mm).any() else "scan",
             )
     nothing = {"planes": PlaneEvidence(target, source, NO_PAIRS, np.zeros(0), params)}
@@ -225,8 +231,9 @@ def _marks(target: View, source: View) -> tuple[str, ...]:
     notes = []
     for name, view in (("target", target), ("source", source)):
         fan = view.fan
-        depth_mm = fan.depth_mm + fan.apex_mm[2]
-        aside_mm = fan.slope * fan.depth_mm + fan.apex_mm[1]
+        lean_y, lean_z = fan.lean[:, None, None] * fan.x_mm[:, None]
+        depth_mm = fan.depth_mm + fan.apex_mm[2] + lean_z
+        aside_mm = fan.slope * fan.depth_mm + fan.apex_mm[1] + lean_y
         near = np.count_nonzero((abs(depth_mm) < NEAREST_MM) & (abs(aside_mm) < NEAREST_MM))
         far = np.count_nonzero(depth_mm > FARTHEST_MM)
         if near:

@@ -94,6 +94,9 @@ def settle_all(
     """
     n_a, n_b = target.patches.n_points.size, source.patches.n_points.size
     capacity = effort.kept * (2 if again.kept_per_rotation > 0 else 1)
+    # A sample is counted once: of thousands of patches there are not so many pairs by far.
+    n_samples = target.seen.sample_area.size + source.seen.sample_area.size
+    most_pairs = min(n_a * n_b, n_samples // max(effort.least_samples, 1))
     found = Matches(
         np.empty((capacity, 3, 3)),
         np.empty((capacity, 3)),
@@ -101,8 +104,8 @@ def settle_all(
         np.zeros((capacity, 6, 6)),
         np.empty(capacity),
         np.empty(capacity, np.int64),
-        np.empty((capacity, n_a * n_b, 2), np.int64),
-        np.empty((capacity, n_a * n_b)),
+        np.empty((capacity, most_pairs, 2), np.int64),
+        np.empty((capacity, most_pairs)),
         np.empty((capacity, 2)),
         np.empty(capacity),
     )

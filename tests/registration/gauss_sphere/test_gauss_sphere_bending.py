@@ -64,6 +64,13 @@ def test_marks_of_no_return_are_named_where_no_answer_is_found(mark_mm: float) -
     assert "NaN" in result.notes[2]
 
 
+def test_marks_are_named_where_the_sensor_moves_at_a_slant() -> None:
+    points_mm = np.full((20, 64, 3), 1e-3)
+    points_mm[:, :, 0] = 5.0 * np.arange(20)[:, None]
+    scan = Scan.from_points(points_mm, 5.0, apex_mm=(0.0, 0.0, -60.0), travel=(1.0, 0.0, 0.5))
+    assert any(note.startswith("1280 of 1280 points") for note in register(scan, scan).notes)
+
+
 @pytest.mark.parametrize("calibrated", [False, True])
 def test_zeros_in_place_of_no_return_are_named_where_no_answer_is_found(
     calibrated: bool, tmp_path: Path

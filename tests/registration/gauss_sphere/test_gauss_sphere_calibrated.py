@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from plane_scans import Plates, plates_from, scan_plates
 from registration import Scan, register
 from registration.calibration import Calibration, CalibrationError, Table
 from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.calibrated import bias_and_noise, known_of
+from registration.gauss_sphere.calibrated import bias_and_noise, known_of, read_known
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.points import Grouped
@@ -172,6 +173,18 @@ def test_a_broken_calibration_is_named(exact_pair, tmp_path: Path) -> None:
     params = GaussSphereParams(calibration=str(path))
     with pytest.raises(CalibrationError, match=r"calibration\.json"):
         register(exact_pair.target, exact_pair.source, params=params)
+
+
+def test_another_file_of_the_same_name_and_age_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, known_to_mm in (("a", 0.1), ("b", 0.7)):
+        (tmp_path / name).mkdir()
+        file = tmp_path / name / "sensor.json"
+        replace(calibration("lateral"), known_to_mm=known_to_mm).write(file)
+        os.utime(file, (1e9, 1e9))
+        monkeypatch.chdir(tmp_path / name)
+        assert read_known("sensor.json").known_to_mm == known_to_mm
 
 
 def test_an_answer_without_a_calibration_says_so(exact_pair, tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plane_scans import clutter_pair, plates_from, pose_error, random_clutter, scan_plates
@@ -68,6 +70,14 @@ def test_columns_that_nothing_returned_to_lie_between_their_neighbours() -> None
     left = fan_of(measured(without(scan, missing))).column_slope
     np.testing.assert_allclose(left[100:103], slope[100:103], atol=1e-4)
     assert np.isnan(left[:5]).all()
+
+
+def test_outer_columns_that_nothing_returned_to_leave_areas_as_they_are() -> None:
+    scan = scan_plates(random_clutter(np.random.default_rng(1)))
+    nothing = np.full((60, 128, 3), np.nan)
+    wide = replace(scan, points_mm=np.concatenate([nothing, scan.points_mm, nothing], axis=1))
+    as_it_is, widened = (describe(s, DEFAULTS).patches for s in (scan, wide))
+    np.testing.assert_array_equal(widened.area_mm2, as_it_is.area_mm2)
 
 
 @pytest.mark.parametrize("gap", [1, MOST, MOST + 1])

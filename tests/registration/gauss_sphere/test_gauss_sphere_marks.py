@@ -162,6 +162,15 @@ def test_height_in_place_of_depth_is_told_where_no_answer_is_found(pair: Pair) -
     assert not any("Z is height" in note for note in register(*depths).notes)
 
 
+def test_profiles_that_stand_at_one_x_are_told_where_no_plane_is_found(pair: Pair) -> None:
+    unmoved = replace(pair.target, points_mm=pair.target.points_mm * [0.0, 1.0, 1.0])
+    result = register(unmoved, pair.source)
+    assert result.status == "failed"
+    assert "all profiles lie at one X" in result.reason
+    empty = Scan.from_points(np.full((5, 8, 3), np.nan), step_mm=5.0)
+    assert "one X" not in register(empty, pair.source).reason
+
+
 def test_beams_that_are_nearly_parallel_are_not_taken_for_turned_around() -> None:
     rng = np.random.default_rng(6)
     x, y = np.meshgrid(5.0 * np.arange(40), np.linspace(-80.0, 80.0, 120), indexing="ij")

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plane_scans import APEX_BEHIND_MM, plates_from, random_clutter, scan_plates
+from plane_scans import APEX_BEHIND_MM, Plates, plates_from, random_clutter, scan_plates
 
-from registration import Scan
+from registration import Scan, register
 from registration.gauss_sphere import describing
 from registration.gauss_sphere.beams import fan_of, measured
 from registration.gauss_sphere.calibrated import NOTHING_KNOWN
 from registration.gauss_sphere.depth_noise import depth_noise
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams, PatchParams, SegmentParams
-from registration.gauss_sphere.patches import fit_patches, fitting
+from registration.gauss_sphere.patches import MOST_PATCHES, fit_patches, fitting
 from registration.gauss_sphere.plane_fit import fit_plane, let_follow
 from registration.gauss_sphere.points import Grouped
 from registration.gauss_sphere.segments import cutting, find_segments
@@ -132,6 +132,38 @@ def test_the_covariance_of_a_plane_is_what_its_errors_are(normal) -> None:
     assert np.abs(np.mean(errors, axis=0)).max() < 0.4
 
 
+def shaken(scan: Scan, made: Plates, mm: dict[int, float], rng: np.random.Generator) -> Scan:
+    """The scan of plates with noise along the beams, of a standard deviation for each plate."""
+    points_mm = scan.points_mm.copy()
+    off_mm = np.abs(((points_mm[:, :, None] - made.centre_mm) * made.axes[:, 2]).sum(axis=3))
+    beam = points_mm - scan.origins_mm[:, None] - scan.apex_mm
+    beam /= beam[..., 2:]
+    for plate, sigma_mm in mm.items():
+        on = np.nanmin(off_mm, axis=2, initial=np.inf) == off_mm[:, :, plate]
+        points_mm[on] += rng.normal(0.0, sigma_mm, (on.sum(), 1)) * beam[on]
+    return Scan.from_points(points_mm, scan.step_mm, apex_mm=scan.apex_mm)
+
+
+@pytest.mark.parametrize("noisy_mm", [0.45, 0.3, 0.2])
+def test_without_a_calibration_a_plane_is_as_certain_as_its_own_points(noisy_mm: float) -> None:
+    rng = np.random.default_rng(6)
+    made = plates((0.2, 0.1, -1.0), (0.1, 0.3, -1.0), (0.1, -0.5, -1.0))
+    exact, distances = scan_plates(made, 50), [list[float](), list[float](), list[float]()]
+    for _ in range(100):
+        found = patches_of(shaken(exact, made, {0: 0.3, 1: 0.3, 2: noisy_mm}, rng))
+        for i in range(found.n_points.size):
+            plate = np.argmax(np.abs(made.axes[:, 2] @ found.normal[i]))
+            normal = made.axes[plate, 2] * np.sign(made.axes[plate, 2] @ found.normal[i])
+            offset = normal @ (made.centre_mm[plate] - found.centroid_mm[i])
+            error = np.append(found.basis[i] @ normal, offset)
+            distances[plate].append(error @ np.linalg.solve(found.covariance[i], error))
+    # Means of 100 chi-square values of 3 degrees of freedom: the ratio is 1 +- 0.1 (one sigma), and
+    # without the plane's own noise 0.44 to 2.25. All together are as neighbours' noise is.
+    usual = np.mean([*distances[0], *distances[1]])
+    assert 0.7 < np.mean(distances[2]) / usual < 1.4
+    assert 1.8 < usual < 4.2
+
+
 def test_points_of_one_profile_make_no_plane() -> None:
     scan = scan_plates(plates((0.1, 0.2, -1.0)))
     fan = fan_of(measured(scan))
@@ -146,6 +178,48 @@ def test_points_of_one_profile_make_no_plane() -> None:
     fitted = fit_patches(fan, fan.depth_mm, points, NOTHING_KNOWN, fitting(PatchParams()))
     assert fitted.n_points.size == 0
     assert (fitted.label == -1).all()
+
+
+def receding(tilts: tuple[float, ...], noise_mm: float, rng: np.random.Generator) -> Scan:
+    """A surface of strips of these tilts along X; the noise, given at 500 mm, as depth squared."""
+    x, slope = 5.0 * np.arange(80), np.linspace(-0.3, 0.3, 256)
+    tilt = np.repeat(tilts, x.size // len(tilts))
+    depth = 500.0 + np.concatenate([[0.0], np.cumsum(5.0 * tilt[1:])])[:, None] + 0.0 * slope
+    depth += noise_mm * (depth / 500.0) ** 2 * rng.standard_normal(depth.shape)
+    points_mm = np.stack([np.broadcast_to(x[:, None], depth.shape), slope * depth, depth], axis=2)
+    return Scan.from_points(points_mm, 5.0, apex_mm=np.zeros(3))
+
+
+@pytest.mark.parametrize("tilt", [0.5, 1.5, 3.0])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_plane_that_recedes_along_the_motion_is_one(tilt: float, way: int) -> None:
+    scan = receding((tilt,), 0.5, np.random.default_rng(1))
+    found = patches_of(replace(scan, points_mm=scan.points_mm[::way]))
+    assert found.n_points.size == 1
+    assert found.n_points[0] > 0.98 * scan.n_valid
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_crease_across_the_motion_is_found_from_either_side(way: int) -> None:
+    scan = receding((1.5, 1.55), 0.5, np.random.default_rng(1))
+    found = patches_of(replace(scan, points_mm=scan.points_mm[::way]))
+    assert found.n_points.size == 2
+    assert found.n_points[0] < 0.6 * scan.n_valid
+
+
+def test_of_thousands_of_patches_the_largest_are_kept() -> None:
+    rng = np.random.default_rng(4)
+    depth = 600.0 + np.kron(rng.uniform(0.0, 60.0, (33, 33)), np.ones((3, 16)))
+    slope, x = np.linspace(-0.4, 0.4, depth.shape[1]), 3.0 * np.arange(depth.shape[0])
+    depth += rng.normal(0.0, 0.05, depth.shape)
+    points_mm = np.stack([np.broadcast_to(x[:, None], depth.shape), slope * depth, depth], axis=2)
+    scan = Scan.from_points(points_mm, 3.0, apex_mm=np.zeros(3))
+    params = replace(GaussSphereParams(), patches=PatchParams(min_points=30, min_profiles=3))
+    found = describe(scan, params).patches
+    assert found.n_points.size == MOST_PATCHES
+    assert (np.diff(found.area_mm2) <= 0.0).all()
+    assert found.label.max() == MOST_PATCHES - 1
+    assert register(scan, scan, params=params).status != "failed"
 
 
 def test_far_planes_of_like_orientation_stay_apart() -> None:

@@ -276,7 +276,7 @@ def rivals_of_true_poses(pairs: list[Pair], **decision: float) -> int:
 
 
 def test_ends_of_faces_and_free_space_keep_rivals_out() -> None:
-    pairs = [laid_table(seed) for seed in range(8)]
+    pairs = [laid_table(seed) for seed in range(16)]
     asked = rivals_of_true_poses(pairs)
     without_ends = rivals_of_true_poses(pairs, turned_denied=1.0)
     without_both = rivals_of_true_poses(pairs, turned_denied=1.0, plain_contradiction=1.0)
