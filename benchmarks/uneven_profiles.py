@@ -3,6 +3,7 @@
 python benchmarks/uneven_profiles.py [--pairs N] [--seed N]
 
 Of 160 profiles 2.5 mm apart some 55 to 110 are taken; the others are left out, not given as empty.
+In the last cases some in a row are lost besides, and X goes on as if none were: both scans lie.
 Views and words are those of missing_returns.py.
 """
 
@@ -60,11 +61,22 @@ def thinned(taken: Taken, scan: Scan, rng: np.random.Generator) -> Scan:
     return Scan.from_points(scan.points_mm[profiles], step_mm, apex_mm=scan.apex_mm)
 
 
+def closed_up(lost: int, scan: Scan, rng: np.random.Generator) -> Scan:
+    """Every second profile, but for so many in a row, in even steps of X all the same."""
+    start = rng.integers(EVEN.size // 4, 3 * EVEN.size // 4 - lost)
+    points_mm = scan.points_mm[np.delete(EVEN, np.arange(start, start + lost))].copy()
+    points_mm[start:, :, 0] -= 2.0 * STEP_MM * lost
+    return Scan.from_points(points_mm, 2.0 * STEP_MM, apex_mm=scan.apex_mm)
+
+
 if __name__ == "__main__":
     count_outcomes(
         __doc__,
         20106,
         "profiles",
-        {case: partial(thinned, taken) for case, taken in CASES.items()},
+        {
+            **{case: partial(thinned, taken) for case, taken in CASES.items()},
+            **{f"{n} in a row lost, X in even steps": partial(closed_up, n) for n in (2, 4, 8)},
+        },
         [f"scan.profiles={PROFILES}", f"scan.step_mm={STEP_MM}"],
     )
