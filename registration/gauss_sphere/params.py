@@ -326,7 +326,7 @@ class DecisionParams(Checked):
     same_plane_rad: float = 0.03
     same_plane_mm: float = 5.0
     rival_share: float = 0.75
-    repeat_share: float = 0.4
+    repeat_share: float = 0.3
     repeat_planes: float = 0.5
     sliding_planes: float = 0.6
     repeat_contradiction: float = 0.25
