@@ -15,7 +15,8 @@ WALL = box("wall", [0.05, 1.4, 0.8], [0.4, 0.0, 0.0])
 Outline = list[tuple[float, float]]
 
 
-def _ring(radius: float, sides: int) -> Outline:
+def ring(radius: float, sides: int) -> Outline:
+    """Corners of a prism of so many sides, at a radius in m."""
     angle = 2.0 * np.pi * np.arange(sides) / sides
     return [(float(radius * np.cos(a)), float(radius * np.sin(a))) for a in angle]
 
@@ -58,16 +59,16 @@ def machine_parts(rng: np.random.Generator) -> list[Solid]:
         x, y = rng.uniform([-0.25, -0.3], [0.25, 0.3])
         turn, kind = turned(rng.uniform(0.0, 180.0)), rng.integers(4)
         if kind == 0:
-            ring = _ring(rng.uniform(0.04, 0.08), 6)
-            parts.append(frustum(f"nut{i}", ring, rng.uniform(0.04, 0.1), [x, y, 0.0], turn))
+            outline = ring(rng.uniform(0.04, 0.08), 6)
+            parts.append(frustum(f"nut{i}", outline, rng.uniform(0.04, 0.1), [x, y, 0.0], turn))
         elif kind == 1:
             w, h, c = rng.uniform([0.05, 0.05, 0.015], [0.1, 0.12, 0.03])
             outline = [(-w, 0), (w, 0), (w, h - c), (w - c, h), (c - w, h), (-w, h - c)]
             parts.append(prism(f"block{i}", outline, rng.uniform(0.08, 0.2), [x, y, 0.0], turn))
         elif kind == 2:
             radius, lying = rng.uniform(0.03, 0.06), turned(rng.uniform(0.0, 180.0), 90.0)
-            ring, length = _ring(radius, 16), rng.uniform(0.15, 0.3)
-            parts.append(frustum(f"shaft{i}", ring, length, [x, y, radius], lying))
+            outline, length = ring(radius, 16), rng.uniform(0.15, 0.3)
+            parts.append(frustum(f"shaft{i}", outline, length, [x, y, radius], lying))
         else:
             size = rng.uniform([0.1, 0.03, 0.03], [0.25, 0.06, 0.12])
             parts.append(box(f"bar{i}", size, [x, y, 0.0], turn))
@@ -126,12 +127,12 @@ def pipes(rng: np.random.Generator) -> list[Solid]:
     """Pipes upright and along a wall, with brackets."""
     solids = [WALL, FLOOR]
     for i in range(4):
-        ring = _ring(rng.uniform(0.025, 0.06), 20)
+        outline = ring(rng.uniform(0.025, 0.06), 20)
         x, y, z = rng.uniform([0.0, -0.3, 0.06], [0.3, 0.3, 0.4])
         if i % 2:
-            solids.append(frustum(f"pipe{i}", ring, 0.7, [x, y, 0.0]))
+            solids.append(frustum(f"pipe{i}", outline, 0.7, [x, y, 0.0]))
         else:
-            solids.append(frustum(f"pipe{i}", ring, 1.0, [x, -0.5, z], turned(0.0, 0.0, -90.0)))
+            solids.append(frustum(f"pipe{i}", outline, 1.0, [x, -0.5, z], turned(0.0, 0.0, -90.0)))
     for i in range(5):
         at = rng.uniform([0.1, -0.3, 0.0], [0.36, 0.3, 0.4])
         turn = turned(rng.choice([0.0, 45.0, rng.uniform(-40.0, 40.0)]))

@@ -1,9 +1,10 @@
 """Scenes that repeat themselves, are symmetric or have three directions: what methods make of them.
 
-python benchmarks/hard_scenes.py [--pairs N] [--seed N] [--everyday] [--only KIND ...]
+python benchmarks/hard_scenes.py [--pairs N] [--seed N] [--everyday | --symmetric] [--only KIND ...]
                                  [--pitch DEG] [--yaw DEG] [--little-noise] [--ablation]
 
 --everyday: book shelves, stairs, pipes and other things that people scan, in their place.
+--symmetric: flanges, wheels, towers and others that look the same some turns or things further.
 --pitch: of the sensor, within 10 degrees; 90 looks straight down.
 --yaw: by which two views differ at most; from opposite sides, with --least-overlap 0.05, they see
 other sides of a table, which looks the same from both.
@@ -30,6 +31,7 @@ from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
 from everyday_scenes import EVERYDAY, FLOOR, WALL  # noqa: E402
+from symmetric_scenes import SYMMETRIC  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
 from harness.choices import chosen_method  # noqa: E402
@@ -222,7 +224,7 @@ KINDS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
 
 @dataclass(frozen=True)
 class HardParams:
-    """kind: one of KINDS or EVERYDAY; the seed decides its sizes."""
+    """kind: one of KINDS, EVERYDAY or SYMMETRIC; the seed decides its sizes."""
 
     kind: str = "shelf"
     seed: int = 0
@@ -230,9 +232,8 @@ class HardParams:
 
 def hard(params: HardParams) -> Scene:
     """Build a scene that is hard to register."""
-    return assemble(
-        params.kind, (KINDS | EVERYDAY)[params.kind](np.random.default_rng(params.seed))
-    )
+    kinds = KINDS | EVERYDAY | SYMMETRIC
+    return assemble(params.kind, kinds[params.kind](np.random.default_rng(params.seed)))
 
 
 def methods_compared(ablation: bool) -> dict[str, GaussSphereParams]:
@@ -253,15 +254,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pairs", type=int, default=30, help="of each kind")
     parser.add_argument("--seed", type=int, default=301)
-    parser.add_argument("--everyday", action="store_true")
-    parser.add_argument("--only", nargs="+", choices=[*KINDS, *EVERYDAY])
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--everyday", action="store_true")
+    which.add_argument("--symmetric", action="store_true")
+    which.add_argument("--only", nargs="+", choices=[*KINDS, *EVERYDAY, *SYMMETRIC])
     parser.add_argument("--pitch", type=float, default=25.0, help="of the sensor, in degrees")
     parser.add_argument("--yaw", type=float, default=40.0, help="by which views differ at most")
     parser.add_argument("--least-overlap", type=float, default=0.2)
     parser.add_argument("--little-noise", action="store_true")
     parser.add_argument("--ablation", action="store_true", help="with one part off at a time")
     options = parser.parse_args()
-    kinds = options.only or list(EVERYDAY if options.everyday else KINDS)
+    several = EVERYDAY if options.everyday else SYMMETRIC if options.symmetric else KINDS
+    kinds = options.only or list(several)
     SCENES["hard"] = SceneEntry(hard, HardParams)
     families = {
         kind: {
