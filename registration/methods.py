@@ -73,8 +73,8 @@ def register(
 
     params: an instance of the method's params_type; its defaults when None.
     A pair that cannot be registered comes back with status and reason; only a method that is
-    unknown or misconfigured raises: UnknownMethodError, or TypeError for params of another type or
-    arrays that are no scans.
+    unknown or misconfigured raises: UnknownMethodError, or TypeError for params of another type, or
+    for arrays in place of scans.
     """
     chosen = find_method(method)
     for name, scan in (("target", target), ("source", source)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,9 +69,10 @@ class Scan:
                 f"points_mm has shape {points.shape}; expected (profiles, pixels, 3), "
                 "NaN where nothing returned"
             )
-        step = np.asarray(step_mm)
-        if step.shape != () or step.dtype.kind not in "iuf" or not 0.0 < step < np.inf:
-            raise ScanError(f"step_mm is {step_mm!r}; expected a length above 0 mm")
+        step = np.asarray(step_mm, dtype=object)  # ragged lists, too
+        number = step.item() if step.shape == () else None
+        if not isinstance(number, Real) or not 0.0 < float(number) < np.inf:
+            raise ScanError(f"step_mm is {step_mm!r}; expected a number above 0, in mm")
         points[~np.isfinite(points).all(axis=2)] = np.nan
         brightness = None
         if intensity is not None:

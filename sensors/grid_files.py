@@ -18,7 +18,7 @@ INDICES = ("profile", "pixel")
 COORDINATES = ("x_mm", "y_mm", "z_mm")
 MOST_PROFILES = 10_000
 MOST_PIXELS = 10_000
-# Of beams without a point for each one with it, in a file of more than a few: as many are no scan.
+# A grid of more than FEW_BEAMS, with fewer points than one in EMPTIEST, is no scan.
 EMPTIEST, FEW_BEAMS = 100, 1_000_000
 
 
@@ -40,7 +40,8 @@ def read_csv(path: Path) -> tuple[FloatArray, FloatArray | None]:
             )
     except pd.errors.ParserWarning:
         raise GridFileError(
-            f"{path}: line 2: has more values than line 1 names columns; expected as many"
+            f"{path}: line 2: has more values than line 1 names columns; expected as many (a "
+            "column of row names needs a name, too)"
         ) from None
     except (ValueError, UnicodeDecodeError) as error:  # pandas raises its errors as ValueErrors
         problem = str(error).splitlines()[0].removeprefix("Error tokenizing data. ")
@@ -147,8 +148,8 @@ def _gridded(path: Path, index: FloatArray, xyz: FloatArray, where: list[str] | 
     shape = cell.max(axis=0) + 1
     if shape.prod() > max(FEW_BEAMS, EMPTIEST * len(cell)):
         raise GridFileError(
-            f"{path}: {len(cell)} points of {shape[0]} profiles of {shape[1]} pixels; expected "
-            f"one for every {EMPTIEST} beams or more, and indices that count from 0"
+            f"{path}: {len(cell)} points on {shape[0]} profiles of {shape[1]} pixels; expected a "
+            f"point on one beam in {EMPTIEST} at least, and indices that count from 0"
         )
     flat = cell[:, 0] * shape[1] + cell[:, 1]
     order = np.argsort(flat, kind="stable")

@@ -239,7 +239,7 @@ def _add_view(
     sigma, columns = fan.sigma_mm.reshape(-1), fan.slope.shape[1]
     stride = max(label.size // samples, 1)
     while math.gcd(columns, stride) > 1:
-        stride -= 1  # or it would follow some pixels only
+        stride += 1  # or only some pixels would be looked at
     chosen, n = np.empty(label.size // stride + 1, np.int64), 0
     for j in range(stride // 2, label.size, stride):
         if label[j] >= 0:

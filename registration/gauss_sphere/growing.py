@@ -53,8 +53,8 @@ def grown(fan: Fan, segments: Segments, how: Growing) -> Grouped:
 
 
 @compiled
-def _plane_rss(m: FloatArray, max_c: float) -> float:
-    """Chi-square of the best plane q = A + B s + C x q, in the noise at x = 0.
+def _plane_rss(m: FloatArray, max_c: float) -> tuple[float, float]:
+    """Chi-square of the best plane q = A + B s + C x q, in the noise at x = 0, and its C.
 
     A residual is 1 - C x times that of q, as is the depth at x that at 0: with x = 0 far away, the
     points of a plane tilted along X would seem to be off by more than they are, or by less.
@@ -76,7 +76,7 @@ def _plane_rss(m: FloatArray, max_c: float) -> float:
     else:
         c22 = b22
     rss -= r2 * r2 / c22
-    return float(max(rss, 0.0))
+    return float(max(rss, 0.0)), r2 / c22
 
 
 @compiled
@@ -88,6 +88,19 @@ def _shifted(m: FloatArray, dx: float, out: FloatArray) -> None:
     out[4] = m[4] + dx * m[7]
     out[5] = m[5] + 2.0 * dx * m[8] + dx * dx * m[9]
     out[8] = m[8] + dx * m[9]
+
+
+@compiled
+def _alone(m: FloatArray, max_tilt: float, c: float, out: FloatArray) -> float:
+    """Chi-square of a part by itself, in the noise that a plane of C = c has at x = 0.
+
+    About its own middle: far from x = 0, C would take away the residuals of a part of one profile,
+    as nothing else holds it there.  out: (10,) to work in.
+    """
+    middle = m[3] / m[6]
+    _shifted(m, -middle, out)
+    rss, _ = _plane_rss(out, max_tilt * out[6] / out[0])
+    return float(rss * (1.0 - c * middle) ** 2)
 
 
 @compiled
@@ -115,9 +128,9 @@ def _grow(
     first_of = np.searchsorted(profile, np.arange(x.size + 1))
     parent = np.arange(n)
     total = np.zeros((n, 10))  # sums of the patch that the root stands for
-    about = x[profile]  # the x where they have 0
+    about = x[profile]  # the x that these sums are taken about
     points = count.astype(np.float64)
-    one, other, both = np.zeros(10), np.zeros(10), np.zeros(10)
+    one, other, both, own = np.zeros(10), np.zeros(10), np.zeros(10), np.zeros(10)
     for i in range(n):
         for j, k in ((0, 0), (1, 1), (2, 2), (6, 3), (7, 4), (9, 5)):
             total[i, j] = sums[i, k]
@@ -143,8 +156,8 @@ def _grow(
                 for t in range(10):
                     both[t] = one[t] + other[t]
                 max_c = max_tilt * both[6] / both[0]
-                apart = _plane_rss(one, max_c) + _plane_rss(other, max_c)
-                loss = _plane_rss(both, max_c) - apart
+                together, c = _plane_rss(both, max_c)
+                loss = together - _alone(one, max_tilt, c, own) - _alone(other, max_tilt, c, own)
                 fewer = min(points[ri], points[rj])
                 if loss < gain + tolerance * tolerance * fewer:
                     parent[ri] = rj

@@ -115,7 +115,8 @@ class TranslationParams(Checked):
 class WideParams(TranslationParams):
     """The same for a wider search, at the best rotation and where no pose is sure.
 
-    At the best rotation kept go on, of which the first VerificationParams.ranked are looked at.
+    At the best rotation kept shifts go on; the first VerificationParams.ranked of them are looked
+    at.
     """
 
     patches: int = 64
@@ -244,9 +245,9 @@ class OutlineParams(Checked):
     most_points: of a view's outlines that are looked at.
     every: of so many profiles and pixels one is looked at for ends of faces where an answer is
         "ok": if the views deny more than refuted_share of those that they know of, outlines are
-        asked, and it is taken back where that is true of them, and of refuting_share of them all:
-        right answers reached 9 %, 16 % where profiles lie 30 mm apart, and wrong ones 22 % and more
-        where a ring of like things is turned.
+        asked, and it is taken back where that is true of them, and of refuting_share of them all.
+        Of right answers the views denied up to 9 % (16 % where profiles lie 30 mm apart), of wrong
+        ones, a ring of like things turned, 22 % and more.
         Poses that symmetry allows are told apart by the same ends, before all are asked.
     off_mm: how far to both sides of an outline the other view is asked, or half a cell of both
         views together, if that is more; on_mm: how far from its plane.

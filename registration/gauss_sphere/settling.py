@@ -94,7 +94,7 @@ def settle_all(
     """
     n_a, n_b = target.patches.n_points.size, source.patches.n_points.size
     capacity = effort.kept * (2 if again.kept_per_rotation > 0 else 1)
-    # A sample is counted once: of thousands of patches there are not so many pairs by far.
+    # Each sample counts for one pair, so no more pairs than this can have enough of them.
     n_samples = target.seen.sample_area.size + source.seen.sample_area.size
     most_pairs = min(n_a * n_b, n_samples // max(effort.least_samples, 1))
     found = Matches(

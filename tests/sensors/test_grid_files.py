@@ -82,7 +82,7 @@ def test_csv_may_hold_intensity(tmp_path: Path) -> None:
         ("a.csv", "", "no table of comma-separated values"),
         ("a.csv", HEADER + "0,0,1,2,3\n0,1,1,2,3,4,5\n", "line 3"),
         ("a.csv", HEADER + "0,0,1,2,3,9\n0,1,1,2,3,9\n", "line 2: has more values than line 1"),
-        ("a.csv", HEADER + "0,0,1,2,3\n9999,9999,1,2,3\n", "2 points of 10000 profiles of 10000"),
+        ("a.csv", HEADER + "0,0,1,2,3\n9999,9999,1,2,3\n", "2 points on 10000 profiles of 10000"),
         ("a.ply", "solid cube\n", "first line is not `ply`"),
         ("a.ply", "ply\nformat ascii 1.0\n", "no end_header"),
         ("a.ply", PLY.format(info="", n=1, properties=XYZ, rows="1 2 3\n"), "not organised"),

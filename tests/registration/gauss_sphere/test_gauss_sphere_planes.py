@@ -180,20 +180,34 @@ def test_points_of_one_profile_make_no_plane() -> None:
     assert (fitted.label == -1).all()
 
 
-def receding(tilts: tuple[float, ...], noise_mm: float, rng: np.random.Generator) -> Scan:
-    """A surface of strips of these tilts along X; the noise, given at 500 mm, as depth squared."""
-    x, slope = 5.0 * np.arange(80), np.linspace(-0.3, 0.3, 256)
-    tilt = np.repeat(tilts, x.size // len(tilts))
-    depth = 500.0 + np.concatenate([[0.0], np.cumsum(5.0 * tilt[1:])])[:, None] + 0.0 * slope
-    depth += noise_mm * (depth / 500.0) ** 2 * rng.standard_normal(depth.shape)
+def test_next_to_no_noise_on_one_plane_leaves_the_others_as_certain_as_they_were() -> None:
+    made = plates((0.2, 0.1, -1.0), (0.1, 0.3, -1.0), (0.1, -0.5, -1.0))
+    exact = scan_plates(made, 50)
+    before = patches_of(exact)
+    for tiny_mm in (1e-4, 1e-2):
+        after = patches_of(shaken(exact, made, {2: tiny_mm}, np.random.default_rng(7)))
+        np.testing.assert_allclose(after.covariance, before.covariance, rtol=0.2)
+
+
+def receding(
+    tilts: tuple[float, ...], rng: np.random.Generator, step_mm: float = 5.0, pixels: int = 256
+) -> Scan:
+    """A surface of strips of these tilts along X, 500 mm away and more, with noise."""
+    x, slope = np.arange(0.0, 400.0, step_mm), np.linspace(-0.3, 0.3, pixels)
+    tilt = np.repeat(tilts, -(-x.size // len(tilts)))[: x.size]
+    depth = 500.0 + np.concatenate([[0.0], np.cumsum(step_mm * tilt[1:])])[:, None] + 0.0 * slope
+    depth += 0.5 * (depth / 500.0) ** 2 * rng.standard_normal(depth.shape)
     points_mm = np.stack([np.broadcast_to(x[:, None], depth.shape), slope * depth, depth], axis=2)
-    return Scan.from_points(points_mm, 5.0, apex_mm=np.zeros(3))
+    return Scan.from_points(points_mm, step_mm, apex_mm=np.zeros(3))
 
 
-@pytest.mark.parametrize("tilt", [0.5, 1.5, 3.0])
+@pytest.mark.parametrize(("step_mm", "pixels"), [(5.0, 256), (5.0, 1024), (20.0, 256), (30.0, 128)])
+@pytest.mark.parametrize("tilt", [0.0, 0.5, 1.5, 3.0])
 @pytest.mark.parametrize("way", [1, -1])
-def test_a_plane_that_recedes_along_the_motion_is_one(tilt: float, way: int) -> None:
-    scan = receding((tilt,), 0.5, np.random.default_rng(1))
+def test_a_plane_that_recedes_along_the_motion_is_one(
+    step_mm: float, pixels: int, tilt: float, way: int
+) -> None:
+    scan = receding((tilt,), np.random.default_rng(1), step_mm, pixels)
     found = patches_of(replace(scan, points_mm=scan.points_mm[::way]))
     assert found.n_points.size == 1
     assert found.n_points[0] > 0.98 * scan.n_valid
@@ -201,7 +215,7 @@ def test_a_plane_that_recedes_along_the_motion_is_one(tilt: float, way: int) -> 
 
 @pytest.mark.parametrize("way", [1, -1])
 def test_a_crease_across_the_motion_is_found_from_either_side(way: int) -> None:
-    scan = receding((1.5, 1.55), 0.5, np.random.default_rng(1))
+    scan = receding((1.5, 1.55), np.random.default_rng(1))
     found = patches_of(replace(scan, points_mm=scan.points_mm[::way]))
     assert found.n_points.size == 2
     assert found.n_points[0] < 0.6 * scan.n_valid
