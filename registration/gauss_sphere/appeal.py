@@ -12,10 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from registration.gauss_sphere.bending import doubted
-from registration.gauss_sphere.coinciding import coinciding_points, information_of
+from registration.gauss_sphere.coinciding import information_of
 from registration.gauss_sphere.decision import is_thin
+from registration.gauss_sphere.looking_along import (
+    carried_back,
+    open_directions_of,
+    starts_along,
+)
 from registration.gauss_sphere.matching import Settled, different, settle_best
-from registration.gauss_sphere.open_directions import centre_of, open_units, uncertainty
+from registration.gauss_sphere.open_directions import centre_of, open_units
 from registration.gauss_sphere.outlines import Ends, Outlines, as_ends, moved_outlines
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.refine import distances2, likelihood
@@ -26,6 +31,7 @@ from registration.gauss_sphere.view import View
 from registration.scan import FloatArray
 
 ROUNDS = 3
+HOPELESS = 0.6  # share of ends that deny a pose: to move it to where outlines coincide cannot help
 BARELY = 1e-9  # of the information: enough to solve for what stays open
 
 
@@ -43,10 +49,10 @@ def appealed(
     best of them, or few planes do.
     """
     how = params.outlines
-    starts = [start for pose in settled for start in _starts(pose, target, outlines, params)]
-    rotations = np.array([r for r, _ in starts])
-    shifts = np.array([t for _, t in starts])
-    n = len(starts)
+    of_target, of_source = outlines
+    ends = as_ends(of_target), as_ends(of_source)
+    rotations, shifts = starts_along(settled, target, source, ends, params)
+    n = len(shifts)
     all_of_them = replace(params.verification, ranked=n, kept=n, rough_stride=1)
     again = settle_best(
         target,
@@ -58,12 +64,12 @@ def appealed(
     )
     if bias_mm > 0.0:
         again = [doubted(p, target.patches, source.patches, bias_mm, params) for p in again]
-    there = [_carried_back(pose, target, source, outlines, params) for pose in again]
-    fixed = [_fixed(pose, target, source, outlines, params) for pose in there]
-    poses = different(fixed, source, params.decision)
-    of_target, of_source = outlines
+    there = [carried_back(pose, target, source, ends, params) for pose in again]
+    hopeful = [pose for pose in there if _denied_share(pose, target, source, ends, how) < HOPELESS]
+    fixed = [_fixed(pose, target, source, outlines, params) for pose in hopeful]
+    unlike = different(fixed, source, params.decision)
+    poses = [_surest_like(pose, fixed, target, source, params) for pose in unlike]
     needed = max(how.least, how.confirmed_share * (of_target.line.size + of_source.line.size))
-    ends = as_ends(of_target), as_ends(of_source)
     words = [said(p.rotation, p.shift_mm, target, source, ends, ANY_WAY, how) for p in poses]
     shares = [denied / max(confirmed + denied, how.least) for confirmed, denied in words]
     sure = [share for share, (confirmed, _) in zip(shares, words, strict=True)
@@ -81,50 +87,21 @@ def appealed(
     return [poses[k] for k in left]
 
 
-def _starts(
-    pose: Settled, target: View, outlines: tuple[Outlines, Outlines], params: GaussSphereParams
-) -> list[tuple[FloatArray, FloatArray]]:
-    """Where along the one shift that its planes leave open outlines coincide, and the pose."""
-    how, here = params.outlines, [(pose.rotation, pose.shift_mm)]
-    along = _open_shift(pose, target, params)
-    if along is None:
-        return here
-    shifts_mm, points = _coinciding(pose, outlines, along, how.slide_mm, how)
-    found: list[tuple[FloatArray, FloatArray]] = []
-    most = max(points.max() * how.peak_share, how.coinciding)
-    while points.max() >= most and len(found) < params.verification.kept:
-        k = int(points.argmax())
-        found.append((pose.rotation, pose.shift_mm + shifts_mm[k] * along))
-        points[abs(shifts_mm - shifts_mm[k]) <= params.decision.distinct_mm] = 0.0
-    return [*found, *here]
+def _denied_share(
+    pose: Settled, target: View, source: View, ends: tuple[Ends, Ends], params: OutlineParams
+) -> float:
+    """Of what ends of faces say of a pose, the share that denies it."""
+    r, t = pose.rotation, pose.shift_mm
+    confirmed, denied = said(r, t, target, source, ends, ANY_WAY, params)
+    return denied / max(confirmed + denied, params.least)
 
 
-def _open_shift(pose: Settled, target: View, params: GaussSphereParams) -> FloatArray | None:
-    """(3,) the direction of the shift that planes leave open, if that is all they leave open."""
-    _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
-    if open_directions.shape[0] != 1:
-        return None
-    turn, shift = open_directions[0, :3], open_directions[0, 3:]
-    along: FloatArray = shift + np.cross(turn, centre_of(pose, target))
-    length = np.linalg.norm(along)
-    if np.linalg.norm(turn) * params.decision.open_mm > length * params.decision.open_rad:
-        return None
-    return along / length
-
-
-def _coinciding(
-    pose: Settled,
-    outlines: tuple[Outlines, Outlines],
-    along: FloatArray,
-    reach_mm: float,
-    params: OutlineParams,
-) -> tuple[FloatArray, FloatArray]:
-    """Shifts (m,) along a direction, in mm, and points (m,) of outlines that coincide there."""
-    n = int(reach_mm / params.cell_mm)
-    there = moved_outlines(outlines[1], pose.rotation, pose.shift_mm)
-    points = coinciding_points(outlines[0], there, along, params.cell_mm, n, params.on_mm)
-    shifts_mm = params.cell_mm * np.arange(-n, n + 1, dtype=np.float64)
-    return shifts_mm, points
+def _surest_like(
+    pose: Settled, poses: list[Settled], target: View, source: View, params: GaussSphereParams
+) -> Settled:
+    """The one of those like a pose that leaves the least open: planes slid, or led to it."""
+    alike = (one for one in poses if len(different([pose, one], source, params.decision)) == 1)
+    return min(alike, key=lambda one: open_directions_of(one, target, params).shape[0])
 
 
 def _is_elsewhere(
@@ -135,10 +112,10 @@ def _is_elsewhere(
     Then it stands for places along there, of which the true one would be another pose.
     """
     how = params.outlines
-    _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
+    open_directions = open_directions_of(pose, target, params)
     for confirmed, denied in _said_along(pose, open_directions, target, source, ends, how):
         said_at_all = confirmed + denied
-        if 2 * said_at_all >= how.least and denied > how.dropped_share * said_at_all:
+        if said_at_all >= how.worth_starting and denied > how.dropped_share * said_at_all:
             return True
     return False
 
@@ -159,28 +136,6 @@ def _said_along(
         yield said(pose.rotation, pose.shift_mm, target, source, ends, across, params)
 
 
-def _carried_back(
-    pose: Settled,
-    target: View,
-    source: View,
-    outlines: tuple[Outlines, Outlines],
-    params: GaussSphereParams,
-) -> Settled:
-    """The pose, near by where outlines coincide: planes move it along a shift they hardly know."""
-    how, along = params.outlines, _open_shift(pose, target, params)
-    if along is None:
-        return pose
-    shifts_mm, points = _coinciding(pose, outlines, along, how.carried_mm, how)
-    if points.max() < how.coinciding:
-        return pose
-    most = shifts_mm[points == points.max()]
-    t = pose.shift_mm + most[abs(most).argmin()] * along
-    areas, score = compared(
-        target, source, pose.rotation, t, params.match.tolerances_mm[-1], params.verification
-    )
-    return pose._replace(shift_mm=t, areas=areas, score=score)
-
-
 def _fixed(
     pose: Settled,
     target: View,
@@ -191,7 +146,7 @@ def _fixed(
     """The pose, moved by outlines and surer by them in what its planes leave open."""
     how, likely = params.outlines, likelihood(params.refine)
     planes, (of_target, of_source) = (target.patches, source.patches), outlines
-    _, open_directions, _ = uncertainty(pose, pose.sure, target, params.decision)
+    open_directions = open_directions_of(pose, target, params)
     if not open_directions.shape[0]:
         return pose
     sure, known = (_without_negative(of, pose, target, params)

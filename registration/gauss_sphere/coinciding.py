@@ -9,47 +9,6 @@ from registration.kernels import compiled
 from registration.scan import FloatArray
 
 LIKE, SAME_WAY = 0.98, 0.95  # cosines between normals, and between outward directions
-LEAST_SLANT = 0.3  # of an outline against a shift, to tell where along it
-
-
-@compiled
-def coinciding_points(
-    of_target: Outlines, of_source: Outlines, along: FloatArray, cell: float, n: int, on_mm: float
-) -> FloatArray:
-    """(2 n + 1,) points of the source's outlines that lie on the target's, shift by shift."""
-    points, last = np.zeros(2 * n + 1), np.full(2 * n + 1, -1)
-    a, b = of_target, of_source
-    slant = np.empty(a.line.size)
-    for i in range(a.line.size):
-        o = a.outward[i]
-        slant[i] = o[0] * along[0] + o[1] * along[1] + o[2] * along[2]
-    for k in range(b.line.size):
-        m, normal = b.outward[k], b.normal[k]
-        if abs(m[0] * along[0] + m[1] * along[1] + m[2] * along[2]) < LEAST_SLANT:
-            continue
-        for i in range(a.line.size):
-            if abs(slant[i]) < LEAST_SLANT:
-                continue
-            same_way, like, over, ahead, aside, drift = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for u in range(3):
-                d = a.point_mm[i, u] - b.point_mm[k, u]
-                same_way += a.outward[i, u] * m[u]
-                like += a.normal[i, u] * normal[u]
-                over += a.normal[i, u] * d
-                ahead += a.outward[i, u] * d
-                aside += a.along[i, u] * d
-                drift += a.along[i, u] * along[u]
-            if same_way < SAME_WAY or like < LIKE or abs(over) > on_mm:
-                continue
-            shift = ahead / slant[i]
-            if abs(aside - shift * drift) > on_mm:
-                continue
-            c = int(np.floor(shift / cell + 0.5)) + n
-            for v in range(max(c - 1, 0), min(c + 2, 2 * n + 1)):
-                if last[v] != k:
-                    last[v] = k
-                    points[v] += 1.0
-    return points
 
 
 @compiled
@@ -73,15 +32,18 @@ def information_of(
     for k in range(b.line.size):
         nearest2 = 2.0 * gate_mm * gate_mm
         for i in range(a.line.size):
-            same_way, like, over, ahead, away2 = 0.0, 0.0, 0.0, 0.0, 0.0
+            away2, same_way, like, over, ahead = 0.0, 0.0, 0.0, 0.0, 0.0
+            for u in range(3):
+                away2 += (a.point_mm[i, u] - b.point_mm[k, u]) ** 2
+            if away2 > nearest2:
+                continue
             for u in range(3):
                 d = a.point_mm[i, u] - b.point_mm[k, u]
-                away2 += d * d
                 same_way += a.outward[i, u] * b.outward[k, u]
                 like += a.normal[i, u] * b.normal[k, u]
                 over += a.normal[i, u] * d
                 ahead += a.outward[i, u] * d
-            if away2 > nearest2 or same_way < SAME_WAY or like < LIKE:
+            if same_way < SAME_WAY or like < LIKE:
                 continue
             if abs(over) < on_mm and abs(ahead) < gate_mm:
                 nearest2 = away2

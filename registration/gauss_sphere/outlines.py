@@ -60,16 +60,15 @@ def as_ends(outlines: Outlines) -> Ends:
     return Ends(outlines.point_mm, outlines.outward, outlines.normal)
 
 
-def outlines_of(view: View, params: OutlineParams) -> Outlines:
-    """The outlines that a view sees of its planes; of very many points, some."""
+def found_outlines(view: View, params: OutlineParams) -> Outlines:
+    """All outlines that a view sees of its planes."""
     ends = _found_ends(view.fan, view.patches, params.behind_mm, params.missing_pixels, 1)
-    found = _lines(view.patches, *ends, params.near_mm)
-    kept = np.arange(0, found.line.size, max(-(-found.line.size // params.most_points), 1))
-    return _chosen(found, kept)
+    return _lines(view.patches, *ends, params.near_mm)
 
 
 @compiled
-def _chosen(outlines: Outlines, kept: IntArray) -> Outlines:
+def chosen(outlines: Outlines, kept: IntArray) -> Outlines:
+    """Those of some numbers."""
     return Outlines(
         outlines.point_mm[kept], outlines.outward[kept], outlines.along[kept],
         outlines.normal[kept], outlines.line[kept], outlines.variance_mm2[kept],
@@ -297,4 +296,4 @@ def _lines(
         out.line[k] = line[j]
         out.variance_mm2[k] = half * half / 3.0 + scatter
         k += 1
-    return _chosen(out, np.arange(k))
+    return chosen(out, np.arange(k))

@@ -254,9 +254,10 @@ class OutlineParams(Checked):
     least, confirmed_share: points, and share of all, that must be confirmed. denied_share: of those
         that the other view says something of, what it may deny of the best pose; dropped_share:
         poses of which it denies a share larger by this than the least are dropped.
-    slide_mm: how far along an open direction a pose is moved, in steps of cell_mm; peak_share: of
-        the most points that coincide, what makes another shift a rival, and coinciding how many.
-        carried_mm: how far planes may carry it off again. gate_mm: of matches.
+    slide_mm: how far along an open direction a pose is moved, in steps of cell_mm, over which ends
+        say the same; peak_share: of what most ends say for a shift, what makes another one a rival,
+        and worth_starting how many ends must. carried_mm: how far planes may carry it off again.
+        gate_mm: of matches.
     """
 
     behind_mm: float = 12.0
@@ -267,15 +268,15 @@ class OutlineParams(Checked):
     most_points: int = 600
     every: int = 12
     refuted_share: float = 0.2
-    refuting_share: float = 0.09
+    refuting_share: float = 0.06
     least: int = 20
     confirmed_share: float = 0.12
-    denied_share: float = 0.06
+    denied_share: float = 0.1
     dropped_share: float = 0.3
     slide_mm: float = 400.0
-    cell_mm: float = 2.0
+    cell_mm: float = 8.0
     peak_share: float = 0.3
-    coinciding: int = 5
+    worth_starting: int = 5
     carried_mm: float = 60.0
     gate_mm: float = 8.0
     line_mm: float = 3.0

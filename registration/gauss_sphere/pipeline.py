@@ -24,10 +24,10 @@ from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.open_directions import covariance_of, sliding, widest_covariance_of
-from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.symmetry import symmetric_rivals
+from registration.gauss_sphere.telling_outlines import outlines_of
 from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import pose_candidates
 from registration.gauss_sphere.view import View

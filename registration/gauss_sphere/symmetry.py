@@ -14,9 +14,10 @@ import numpy as np
 
 from registration.gauss_sphere.decision import agreeing_patches, agreeing_planes
 from registration.gauss_sphere.matching import Settled, different, settle_best
-from registration.gauss_sphere.outlines import as_ends, outlines_of
+from registration.gauss_sphere.outlines import as_ends
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
 from registration.gauss_sphere.placing import placed, placed_by_some
+from registration.gauss_sphere.telling_outlines import outlines_of
 from registration.gauss_sphere.testimony import ANY_WAY, said
 from registration.gauss_sphere.turning import REPEATED_MM, Turning, is_nearly_free, turned_poses
 from registration.gauss_sphere.verification import (

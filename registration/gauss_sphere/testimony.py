@@ -6,12 +6,11 @@ import numpy as np
 
 from registration.gauss_sphere.outlines import Ends, Outlines, as_ends, ends_of
 from registration.gauss_sphere.params import OutlineParams
-from registration.gauss_sphere.view import DEPTH, PATCH, Seen, View, beams_at
+from registration.gauss_sphere.view import Seen, View
+from registration.gauss_sphere.what_is_seen import FREE, ON, what_is_at
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
-ON, FREE, UNKNOWN = range(3)
-LIKE = 0.96  # cosine between normals of one face
 LEAST_SHARE = 0.3  # cosine between a direction and the ends that tell of it
 ANY_WAY = np.zeros(3)
 
@@ -66,6 +65,63 @@ def said(
     how = params.off_mm, params.on_mm, params.behind_mm
     counts: tuple[int, int] = _said(r, t, target, source, *ends, across, *how)
     return counts
+
+
+def said_along(
+    r: FloatArray,
+    t: FloatArray,
+    along: FloatArray,
+    shifts_mm: FloatArray,
+    target: View,
+    source: View,
+    ends: tuple[Ends, Ends],
+    params: OutlineParams,
+) -> IntArray:
+    """The same of a pose shifted along a direction (3,), by each of some shifts (n,): (n, 2).
+
+    Only those ends count that lead out of the face along it.
+    """
+    how = params.off_mm, params.on_mm, params.behind_mm
+    words: IntArray = _said_along(r, t, along, shifts_mm, target, source, *ends, *how)
+    return words
+
+
+@compiled
+def _said_along(
+    r: FloatArray,
+    t: FloatArray,
+    along: FloatArray,
+    shifts_mm: FloatArray,
+    target: View,
+    source: View,
+    of_target: Ends,
+    of_source: Ends,
+    off_mm: float,
+    on_mm: float,
+    behind_mm: float,
+) -> IntArray:
+    off, there, any_way = off_both_sides(target, source, off_mm), np.empty(3), np.zeros(3)
+    one, other = _across(of_target, along), _across(of_source, r.T.copy() @ along)
+    words = np.empty((shifts_mm.size, 2), np.int64)
+    for k in range(shifts_mm.size):
+        for u in range(3):
+            there[u] = t[u] + shifts_mm[k] * along[u]
+        words[k, 0], words[k, 1] = said_of_ends(
+            r, there, target.seen, source.seen, one, other, any_way, off, on_mm, behind_mm
+        )
+    return words
+
+
+@compiled
+def _across(ends: Ends, along: FloatArray) -> Ends:
+    """Those that lead out of the face along a direction."""
+    share = np.empty(ends.point_mm.shape[0])
+    for j in range(share.size):
+        share[j] = 0.0
+        for u in range(3):
+            share[j] += ends.outward[j, u] * along[u]
+    kept = np.flatnonzero(np.abs(share) >= LEAST_SHARE)
+    return Ends(ends.point_mm[kept], ends.outward[kept], ends.normal[kept])
 
 
 @compiled
@@ -179,35 +235,10 @@ def _told(
             inside[u, n], outside[u, n] = point - off * out, point + off * out
             share += out * across[u]
         n += any_way or abs(share) >= LEAST_SHARE
-    on_face = _what_is_at(seen, inside, normal, n, on_mm, behind)
-    beyond = _what_is_at(seen, outside, normal, n, on_mm, behind)
+    on_face = what_is_at(seen, inside, normal, n, on_mm, behind)
+    beyond = what_is_at(seen, outside, normal, n, on_mm, behind)
     confirmed, denied = 0, 0
     for j in range(n):
         confirmed += on_face[j] == ON and beyond[j] == FREE
         denied += on_face[j] == FREE or (on_face[j] == ON and beyond[j] == ON)
     return confirmed, denied
-
-
-@compiled
-def _what_is_at(
-    seen: Seen, points: FloatArray, normal: FloatArray, n: int, on_mm: float, behind: float
-) -> IntArray:
-    """What a view sees at the first n points: a face of that normal, free space, or neither.
-
-    points: (6, n or more) x, y and z, and room for what beams_at leaves; normal: (n or more, 3).
-    """
-    beam, word = np.empty(n, np.int64), np.full(n, UNKNOWN)
-    beams_at(seen, points, beam)
-    for j in range(n):
-        if beam[j] < 0:
-            continue
-        i = int(seen.image[beam[j], PATCH])
-        if i >= 0:
-            n0, n1, n2 = seen.normal[i, 0], seen.normal[i, 1], seen.normal[i, 2]
-            like = n0 * normal[j, 0] + n1 * normal[j, 1] + n2 * normal[j, 2] > LIKE
-            away = n0 * points[0, j] + n1 * points[1, j] + n2 * points[2, j] - seen.offset_mm[i]
-            if like and abs(away) < on_mm:
-                word[j] = ON
-        if word[j] == UNKNOWN and seen.image[beam[j], DEPTH] > points[3, j] + behind:
-            word[j] = FREE
-    return word

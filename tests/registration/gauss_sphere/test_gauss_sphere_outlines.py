@@ -26,10 +26,11 @@ from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.matching import settle_best
 from registration.gauss_sphere.open_directions import uncertainty
-from registration.gauss_sphere.outlines import as_ends, ends_of, outlines_of
+from registration.gauss_sphere.outlines import as_ends, ends_of
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, OutlineParams
 from registration.gauss_sphere.placing import STEPS_MM, placed, placed_by_some
 from registration.gauss_sphere.refine import likelihood, widened
+from registration.gauss_sphere.telling_outlines import outlines_of
 from registration.gauss_sphere.testimony import ANY_WAY, said
 
 HOW = OutlineParams()

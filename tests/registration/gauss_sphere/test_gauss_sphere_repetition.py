@@ -26,8 +26,8 @@ from registration import Scan, register
 from registration.gauss_sphere.appeal import appealed
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.matching import Settled, settle_best
-from registration.gauss_sphere.outlines import outlines_of
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams, WideParams
+from registration.gauss_sphere.telling_outlines import outlines_of
 from registration.gauss_sphere.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.translation import search_of, shifts_at
 from registration.gauss_sphere.view import View

@@ -1,0 +1,162 @@
+"""Which outlines tell of a pose, and where along an open shift they put it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from plane_scans import (
+    MIDDLE,
+    ROOM,
+    Plates,
+    join,
+    move_plates,
+    plates_from,
+    pose_error,
+    random_view,
+    scan_plates,
+)
+from scipy.spatial.transform import RigidTransform
+
+from registration import Scan, register
+from registration.gauss_sphere.appeal import _surest_like
+from registration.gauss_sphere.describing import describe
+from registration.gauss_sphere.looking_along import _to_look_along, starts_along
+from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.open_directions import uncertainty
+from registration.gauss_sphere.outlines import as_ends, found_outlines
+from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
+from registration.gauss_sphere.telling_outlines import _some_of_each_direction, outlines_of
+from registration.gauss_sphere.testimony import said, said_along
+from registration.gauss_sphere.view import View
+
+PARAMS, HOW = GaussSphereParams(), OutlineParams()
+ALONG = ROOM.apply([0.0, 1.0, 0.0])  # of the steps
+
+
+def steps(boards: bool = True) -> Plates:
+    """Steps along the room's Y that do not end, no two alike, and two boards that do."""
+    up, along, away = np.eye(3)
+    tread, riser = (away, along, up), (up, along, -away)
+    plates = list[tuple[list[float], tuple[np.ndarray, ...], list[float]]]()
+    x, z = -110.0, -60.0
+    for rise, run in ((30.0, 70.0), (52.0, 34.0), (41.0, 58.0), (64.0, 45.0)):
+        plates.append(([x, 0.0, z + 0.5 * run], tread, [0.5 * run, 900.0]))
+        plates.append(([x + 0.5 * rise, 0.0, z + run], riser, [0.5 * rise, 900.0]))
+        x, z = x + rise, z + run
+    if boards:
+        plates.append(([-50.0, -110.0, -90.0], riser, [20.0, 17.0]))
+        plates.append(([45.0, 95.0, -60.0], riser, [20.0, 30.0]))
+    centres, axes, halves = zip(*plates, strict=True)
+    turned = ROOM.apply(np.array(axes).reshape(-1, 3)).reshape(-1, 3, 3)
+    return Plates(MIDDLE + ROOM.apply(centres), turned, np.array(halves))
+
+
+def two_scans(plates: Plates, seed: int) -> tuple[Scan, Scan, RigidTransform]:
+    rng = np.random.default_rng(seed)
+    T_source_target = random_view(rng, turn_deg=12.0)
+    moved = move_plates(plates, T_source_target)
+    target, source = (
+        scan_plates(each, profiles=90, step_mm=3.0, noise=1.0, rng=rng) for each in (plates, moved)
+    )
+    return target, source, T_source_target.inv()
+
+
+def settled_at(target: View, source: View, T: RigidTransform, off_mm: float = 0.0) -> list[Settled]:
+    r, t = T.rotation.as_matrix()[None], np.asarray(T.translation)[None] + off_mm * ALONG
+    return settle_best(target, source, r, t, PARAMS, look_again=False)
+
+
+@pytest.mark.parametrize(("counts", "most"), [((1000, 30, 7), 100), ((40, 40, 41), 60), ((5,), 9)])
+def test_rare_directions_are_kept_whole_and_frequent_ones_thinned_evenly(
+    counts: tuple[int, ...], most: int
+) -> None:
+    number = np.repeat(np.arange(len(counts)), counts)
+    np.random.default_rng(0).shuffle(number)
+    kept = _some_of_each_direction(np.eye(3)[number], most)
+    assert len(kept) == min(most, len(number))
+    assert (np.diff(kept) > 0).all()
+    left = np.bincount(number[kept], minlength=len(counts))
+    fair = most // len(counts)
+    for n, count in zip(left, counts, strict=True):
+        assert n == count if count <= fair else n >= fair
+    for k, count in enumerate(counts):
+        places = np.flatnonzero(np.isin(np.flatnonzero(number == k), kept))
+        gaps = [b - a for a, b in pairwise([-1, *places, count])]
+        assert max(gaps) <= -(-count // max(left[k], 1)) + 1
+
+
+@pytest.mark.parametrize(("gap_mm", "seen"), [(9.0, False), (50.0, True)])
+def test_a_groove_between_two_boards_is_no_end_of_them(gap_mm: float, seen: bool) -> None:
+    normal, behind = np.array([[0.0, 0.0, -1.0]]), np.array([[150.0, 0.0, 1000.0]])
+    left, right = (
+        plates_from(
+            normal, np.array([[150.0, side * (60.0 + 0.5 * gap_mm), 800.0]]), np.array([[80, 60.0]])
+        )
+        for side in (-1.0, 1.0)
+    )
+    plates = join(left, right, plates_from(normal, behind, np.array([[400.0, 400.0]])))
+    view = describe(scan_plates(plates, noise=0.3, rng=np.random.default_rng(3)), PARAMS)
+    every, telling = found_outlines(view, HOW), outlines_of(view, HOW)
+
+    def of_the_groove(points_mm: np.ndarray) -> int:
+        return int((np.abs(np.abs(points_mm[:, 1]) - 0.5 * gap_mm) < 4.0).sum())
+
+    assert of_the_groove(every.point_mm) > 10
+    assert (of_the_groove(telling.point_mm) > 10) == seen
+    outer = np.abs(telling.point_mm[:, 1]) > 100.0
+    assert outer.sum() > 10
+
+
+def test_ends_say_along_a_direction_what_they_say_at_each_place() -> None:
+    scans, T = two_scans(steps(), 0)[:2], two_scans(steps(), 0)[2]
+    views = tuple(describe(scan, PARAMS) for scan in scans)
+    ends = tuple(as_ends(outlines_of(view, HOW)) for view in views)
+    r, t = np.ascontiguousarray(T.rotation.as_matrix()), np.asarray(T.translation)
+    shifts_mm = np.array([-40.0, -8.0, 0.0, 24.0])
+    words = said_along(r, t, ALONG, shifts_mm, *views, ends, HOW)
+    each = [said(r, t + shift * ALONG, *views, ends, ALONG, HOW) for shift in shifts_mm]
+    np.testing.assert_array_equal(words, each)
+    assert words[2, 0] > words[2, 1]
+    assert words[0, 1] > words[0, 0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_few_ends_among_many_outlines_fix_the_shift_along_these(seed: int) -> None:
+    target, source, T = two_scans(steps(), seed)
+    result = register(target, source)
+    assert result.status == "ok", result.reason
+    turn_deg, _ = pose_error(result.T_target_source, T)
+    at = T.inv().apply(MIDDLE)
+    assert turn_deg < 0.5
+    assert np.linalg.norm(result.T_target_source.apply(at) - MIDDLE) < 6.0
+    open_end = two_scans(steps(boards=False), seed)
+    assert register(*open_end[:2]).status == "underdetermined"
+
+
+def test_poses_along_one_open_shift_are_looked_for_once_and_led_to_the_true_one() -> None:
+    target_scan, source_scan, T = two_scans(steps(), 1)
+    target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
+    ends = as_ends(outlines_of(target, HOW)), as_ends(outlines_of(source, HOW))
+    slid = [settled_at(target, source, T, off_mm)[0] for off_mm in (30.0, -45.0)]
+    looked = [along for _, along in _to_look_along(slid, target, source, PARAMS)]
+    assert looked[0] is not None
+    assert abs(looked[0] @ ALONG) > 0.999
+    assert looked[1] is None
+    _, shifts = starts_along(slid, target, source, ends, PARAMS)
+    nearest = np.linalg.norm(shifts - np.asarray(T.translation), axis=1).min()
+    assert nearest < HOW.cell_mm
+    for pose in slid:
+        assert (np.linalg.norm(shifts - pose.shift_mm, axis=1) == 0.0).any()
+
+
+def test_of_poses_alike_the_one_that_leaves_least_open_stands_for_them() -> None:
+    target_scan, source_scan, T = two_scans(steps(), 1)
+    target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
+    slid = settled_at(target, source, T)[0]
+    known = slid._replace(sure=slid.sure + np.eye(6), score=0.5 * slid.score)
+    elsewhere = known._replace(shift_mm=known.shift_mm + 200.0 * ALONG)
+    assert uncertainty(slid, slid.sure, target, PARAMS.decision)[1].shape[0] == 1
+    assert _surest_like(slid, [slid, elsewhere, known], target, source, PARAMS) is known
+    assert _surest_like(slid, [slid, elsewhere], target, source, PARAMS) is slid
