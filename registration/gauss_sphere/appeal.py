@@ -14,13 +14,10 @@ import numpy as np
 from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.coinciding import information_of
 from registration.gauss_sphere.decision import is_thin
-from registration.gauss_sphere.looking_along import (
-    carried_back,
-    open_directions_of,
-    starts_along,
-)
+from registration.gauss_sphere.looking_along import carried_back, placed_first, starts_along
 from registration.gauss_sphere.matching import Settled, different, settle_best
-from registration.gauss_sphere.open_directions import centre_of, open_units
+from registration.gauss_sphere.misfits import without_misfits
+from registration.gauss_sphere.open_directions import centre_of, open_directions_of, open_units
 from registration.gauss_sphere.outlines import Ends, Outlines, as_ends, moved_outlines
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.refine import distances2, likelihood
@@ -62,13 +59,15 @@ def appealed(
         replace(params, verification=all_of_them),
         look_again=False,
     )
+    again = [without_misfits(pose, target, source, params) for pose in again]
     if bias_mm > 0.0:
         again = [doubted(p, target.patches, source.patches, bias_mm, params) for p in again]
     there = [carried_back(pose, target, source, ends, params) for pose in again]
     hopeful = [pose for pose in there if _denied_share(pose, target, source, ends, how) < HOPELESS]
     fixed = [_fixed(pose, target, source, outlines, params) for pose in hopeful]
     unlike = different(fixed, source, params.decision)
-    poses = [_surest_like(pose, fixed, target, source, params) for pose in unlike]
+    surest = [_surest_like(pose, fixed, target, source, params) for pose in unlike]
+    poses = placed_first(surest, target, source, params)
     needed = max(how.least, how.confirmed_share * (of_target.line.size + of_source.line.size))
     words = [said(p.rotation, p.shift_mm, target, source, ends, ANY_WAY, how) for p in poses]
     shares = [denied / max(confirmed + denied, how.least) for confirmed, denied in words]
@@ -101,7 +100,7 @@ def _surest_like(
 ) -> Settled:
     """The one of those like a pose that leaves the least open: planes slid, or led to it."""
     alike = (one for one in poses if len(different([pose, one], source, params.decision)) == 1)
-    return min(alike, key=lambda one: open_directions_of(one, target, params).shape[0])
+    return min(alike, key=lambda one: open_directions_of(one, target, params.decision).shape[0])
 
 
 def _is_elsewhere(
@@ -112,7 +111,7 @@ def _is_elsewhere(
     Then it stands for places along there, of which the true one would be another pose.
     """
     how = params.outlines
-    open_directions = open_directions_of(pose, target, params)
+    open_directions = open_directions_of(pose, target, params.decision)
     for confirmed, denied in _said_along(pose, open_directions, target, source, ends, how):
         said_at_all = confirmed + denied
         if said_at_all >= how.worth_starting and denied > how.dropped_share * said_at_all:
@@ -146,7 +145,7 @@ def _fixed(
     """The pose, moved by outlines and surer by them in what its planes leave open."""
     how, likely = params.outlines, likelihood(params.refine)
     planes, (of_target, of_source) = (target.patches, source.patches), outlines
-    open_directions = open_directions_of(pose, target, params)
+    open_directions = open_directions_of(pose, target, params.decision)
     if not open_directions.shape[0]:
         return pose
     sure, known = (_without_negative(of, pose, target, params)

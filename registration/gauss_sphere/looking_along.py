@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from registration.gauss_sphere.matching import Settled, different
-from registration.gauss_sphere.open_directions import centre_of, uncertainty
+from registration.gauss_sphere.open_directions import centre_of, open_directions_of
 from registration.gauss_sphere.outlines import Ends
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.testimony import said_along
@@ -57,9 +57,21 @@ def carried_back(
     return pose._replace(shift_mm=t, areas=areas, score=score)
 
 
-def open_directions_of(pose: Settled, target: View, params: GaussSphereParams) -> FloatArray:
-    """(k, 6) the directions that a pose leaves open, by what it is sure of."""
-    return uncertainty(pose, pose.sure, target, params.decision)[1]
+def placed_first(
+    poses: list[Settled], target: View, source: View, params: GaussSphereParams
+) -> list[Settled]:
+    """The poses, of those along one open shift the ones first that leave nothing open."""
+    left, ordered = list(range(len(poses))), list[Settled]()
+    whole = [not open_directions_of(pose, target, params.decision).size for pose in poses]
+    while left:
+        pose = poses[left[0]]
+        along = _open_shift(pose, target, params)
+        before = [k for k in left[1:] if along is not None and whole[k]
+                  and _is_along(pose, poses[k], along, source, params)]  # fmt: skip
+        now = [*before, left[0]]
+        ordered += [poses[k] for k in now]
+        left = [k for k in left if k not in now]
+    return ordered
 
 
 def _to_look_along(
@@ -103,7 +115,7 @@ def _starts(
 
 def _open_shift(pose: Settled, target: View, params: GaussSphereParams) -> FloatArray | None:
     """(3,) the direction of the shift that planes leave open, if that is all they leave open."""
-    open_directions = open_directions_of(pose, target, params)
+    open_directions = open_directions_of(pose, target, params.decision)
     if open_directions.shape[0] != 1:
         return None
     turn, shift = open_directions[0, :3], open_directions[0, 3:]

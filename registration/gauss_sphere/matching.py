@@ -74,13 +74,12 @@ def settle_best(
         decision.distinct_mm,
         middle(source.patches),
     )
-    floors_mm = _floors_mm(params.refine.floors_mm, read_known(params.calibration).known_to_mm)
     found, kept = settle_all(
         target,
         source,
         comparison(verification),
         likelihood(params.refine),
-        floors_mm,
+        floors_of(params),
         effort,
         search_of(params.wide, params.wide.kept if look_again else 0),
         rotations,
@@ -115,6 +114,11 @@ def different(poses: list[Settled], source: View, params: DecisionParams) -> lis
         if not any(known):
             kept.append(one)
     return kept
+
+
+def floors_of(params: GaussSphereParams) -> FloatArray:
+    """(n,) systematic errors of planes to try, in mm: none below what a calibration leaves."""
+    return _floors_mm(params.refine.floors_mm, read_known(params.calibration).known_to_mm)
 
 
 @lru_cache(maxsize=8)

@@ -42,6 +42,11 @@ def uncertainty(
     return None, directions, reason
 
 
+def open_directions_of(pose: Settled, target: View, params: DecisionParams) -> FloatArray:
+    """(k, 6) the directions that a pose leaves open, by what it is sure of."""
+    return uncertainty(pose, pose.sure, target, params)[1]
+
+
 def covariance_of(pose: Settled, target: View, params: DecisionParams) -> FloatArray | None:
     """Covariance of a pose, or None where its planes leave a direction open or none are known."""
     return uncertainty(pose, pose.sure, target, params)[0] if pose.pairs.size else None

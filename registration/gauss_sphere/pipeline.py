@@ -23,6 +23,7 @@ from registration.gauss_sphere.decision import (
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.matching import Settled, different, settle_best
+from registration.gauss_sphere.misfits import without_misfits
 from registration.gauss_sphere.open_directions import covariance_of, sliding, widest_covariance_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
@@ -116,6 +117,7 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
             evidence=nothing,
             stage="translation",
         )
+    settled[0] = without_misfits(settled[0], target, source, params)
     bias_mm = left_bias_mm(target, source, read_known(params.calibration), params.bending)
     if bias_mm > 0.0:
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.chance import take_chance
+from registration.gauss_sphere.patches import Patches
 from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.refine import (
     ROUGHLY,
@@ -236,18 +237,36 @@ def _finish(
     c: int,
 ) -> None:
     r, t, areas = found.rotation[c], found.shift_mm[c], found.areas[c]
-    found.floor_mm[c] = maximise_consistently(
+    found.floor_mm[c] = make_likely(
         target.patches, source.patches, found.pairs[c, : found.n_pairs[c]], likely, floors, r, t,
-        found.information[c], found.distance2[c],
+        found.information[c], found.sure[c], found.distance2[c],
     )  # fmt: skip
-    pairs = found.pairs[c, : found.n_pairs[c]]
-    take_chance(
-        target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.information[c]
-    )  # fmt: skip
-    wide_mm = widened(
-        target.patches, source.patches, pairs, likely, found.floor_mm[c], r, t, found.sure[c], 0.0
-    )  # fmt: skip
-    take_chance(target.patches, source.patches, pairs, likely, wide_mm, r, t, found.sure[c])
     seen = target.seen, source.seen
     compare_both(*seen, how, r, t, effort.tolerances_mm[-1], 1, counts, areas)
     found.score[c] = score_of(how, areas)
+
+
+@compiled
+def make_likely(
+    target: Patches,
+    source: Patches,
+    pairs: IntArray,
+    likely: Likelihood,
+    floors: FloatArray,
+    r: FloatArray,
+    t: FloatArray,
+    information: FloatArray,
+    sure: FloatArray,
+    distance2: FloatArray,
+) -> float:
+    """Refine a pose to the end, in place, by pairs of planes (m, 2); the floor that they need.
+
+    information, sure: (6, 6) and distance2: (m,) out, see Settled.
+    """
+    floor_mm = maximise_consistently(
+        target, source, pairs, likely, floors, r, t, information, distance2
+    )
+    take_chance(target, source, pairs, likely, floor_mm, r, t, information)
+    wide_mm = widened(target, source, pairs, likely, floor_mm, r, t, sure, 0.0)
+    take_chance(target, source, pairs, likely, wide_mm, r, t, sure)
+    return float(floor_mm)

@@ -22,7 +22,7 @@ from scipy.spatial.transform import RigidTransform
 from registration import Scan, register
 from registration.gauss_sphere.appeal import _surest_like
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.looking_along import _to_look_along, starts_along
+from registration.gauss_sphere.looking_along import _to_look_along, placed_first, starts_along
 from registration.gauss_sphere.matching import Settled, settle_best
 from registration.gauss_sphere.open_directions import uncertainty
 from registration.gauss_sphere.outlines import as_ends, found_outlines
@@ -160,3 +160,18 @@ def test_of_poses_alike_the_one_that_leaves_least_open_stands_for_them() -> None
     assert uncertainty(slid, slid.sure, target, PARAMS.decision)[1].shape[0] == 1
     assert _surest_like(slid, [slid, elsewhere, known], target, source, PARAMS) is known
     assert _surest_like(slid, [slid, elsewhere], target, source, PARAMS) is slid
+
+
+def test_a_pose_that_ends_placed_comes_before_one_that_slides_through_its_place() -> None:
+    target_scan, source_scan, T = two_scans(steps(), 1)
+    target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
+    there, slid = (settled_at(target, source, T, off_mm)[0] for off_mm in (0.0, 45.0))
+    whole = there._replace(sure=there.sure + np.eye(6))
+    aside = whole._replace(shift_mm=whole.shift_mm + 200.0 * ROOM.apply([0.0, 0.0, 1.0]))
+    for poses, wanted in (
+        ([slid, aside, whole], [whole, slid, aside]),
+        ([slid, aside], [slid, aside]),
+        ([aside, slid, whole], [aside, whole, slid]),
+    ):
+        ordered = placed_first(poses, target, source, PARAMS)
+        assert [id(pose) for pose in ordered] == [id(pose) for pose in wanted]

@@ -1,0 +1,65 @@
+"""Poses whose planes fix them, but for a few that are taken for others a little beside them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plane_scans import clutter_pair
+
+from registration.gauss_sphere.describing import describe
+from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.misfits import without_misfits
+from registration.gauss_sphere.open_directions import open_directions_of
+from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.refine import distances2, likelihood
+from registration.gauss_sphere.view import View
+
+PARAMS = GaussSphereParams()
+
+
+def settled(seed: int) -> tuple[View, View, Settled]:
+    pair = clutter_pair(seed, noise=1.0)
+    target, source = (describe(scan, PARAMS) for scan in (pair.target, pair.source))
+    T = pair.T_target_source
+    r, t = T.rotation.as_matrix()[None], np.asarray(T.translation)[None]
+    return target, source, settle_best(target, source, r, t, PARAMS, look_again=False)[0]
+
+
+def with_false_pairs(pose: Settled, target: View, source: View, n: int) -> Settled:
+    """The pose with more pairs, of planes that do not fit, and sure of nothing for it."""
+    matched = {tuple(pair) for pair in pose.pairs}
+    every = [(i, k) for i in range(target.patches.n_points.size)
+             for k in range(source.patches.n_points.size) if (i, k) not in matched]  # fmt: skip
+    pairs = np.concatenate([pose.pairs, np.array(every)[:n]])
+    far = distances2(
+        target.patches, source.patches, pairs, likelihood(PARAMS.refine), pose.floor_mm,
+        pose.rotation, pose.shift_mm,
+    )  # fmt: skip
+    far[len(pose.pairs) :] = np.maximum(far[len(pose.pairs) :], 1e3)
+    return pose._replace(pairs=pairs, distance2=far, sure=np.zeros((6, 6)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pairs_that_do_not_fit_no_longer_leave_a_pose_open(seed: int) -> None:
+    target, source, pose = settled(seed)
+    assert not open_directions_of(pose, target, PARAMS.decision).size
+    vague = with_false_pairs(pose, target, source, 2)
+    fitting = without_misfits(vague, target, source, PARAMS)
+    assert {tuple(pair) for pair in fitting.pairs} <= {tuple(pair) for pair in pose.pairs}
+    assert not open_directions_of(fitting, target, PARAMS.decision).size
+    np.testing.assert_allclose(fitting.rotation, pose.rotation, atol=1e-3)
+    np.testing.assert_allclose(fitting.shift_mm, pose.shift_mm, atol=1.0)
+    # No surer than the planes that fit make it.
+    assert np.linalg.slogdet(fitting.sure)[1] <= np.linalg.slogdet(pose.sure)[1] + 1.0
+
+
+def test_a_pose_stays_where_nothing_is_open_or_too_many_do_not_fit() -> None:
+    target, source, pose = settled(0)
+    assert without_misfits(pose, target, source, PARAMS) is pose
+    many = with_false_pairs(pose, target, source, len(pose.pairs))
+    assert without_misfits(many, target, source, PARAMS) is many
+    few = with_false_pairs(pose, target, source, 2)
+    more_asked = replace(PARAMS, decision=replace(PARAMS.decision, sure_planes=100))
+    assert without_misfits(few, target, source, more_asked) is few
