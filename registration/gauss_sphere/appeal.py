@@ -40,7 +40,7 @@ def appealed(
     bias_mm: float,
     params: GaussSphereParams,
 ) -> list[Settled]:
-    """The settled poses, and what becomes of them where outlines coincide, less what outlines deny.
+    """The settled poses, and what becomes of them where ends confirm them, less what these deny.
 
     bias_mm: what is seen of a bias of the planes. None are left where outlines do not confirm the
     best of them, or few planes do.
@@ -49,28 +49,20 @@ def appealed(
     of_target, of_source = outlines
     ends = as_ends(of_target), as_ends(of_source)
     rotations, shifts = starts_along(settled, target, source, ends, params)
-    n = len(shifts)
-    all_of_them = replace(params.verification, ranked=n, kept=n, rough_stride=1)
     again = settle_best(
-        target,
-        source,
-        rotations,
-        shifts,
-        replace(params, verification=all_of_them),
-        look_again=False,
+        target, source, rotations, shifts, _settling_all(len(shifts), params), look_again=False
     )
     again = [without_misfits(pose, target, source, params) for pose in again]
     if bias_mm > 0.0:
         again = [doubted(p, target.patches, source.patches, bias_mm, params) for p in again]
+    told_by = target, source, ends, how
     there = [carried_back(pose, target, source, ends, params) for pose in again]
-    hopeful = [pose for pose in there if _denied_share(pose, target, source, ends, how) < HOPELESS]
+    hopeful = [pose for pose in there if _denied_of(_told(pose, *told_by), how) < HOPELESS]
     fixed = [_fixed(pose, target, source, outlines, params) for pose in hopeful]
-    unlike = different(fixed, source, params.decision)
-    surest = [_surest_like(pose, fixed, target, source, params) for pose in unlike]
-    poses = placed_first(surest, target, source, params)
+    poses = placed_first(_surest(fixed, target, source, params), target, source, params)
     needed = max(how.least, how.confirmed_share * (of_target.line.size + of_source.line.size))
-    words = [said(p.rotation, p.shift_mm, target, source, ends, ANY_WAY, how) for p in poses]
-    shares = [denied / max(confirmed + denied, how.least) for confirmed, denied in words]
+    words = [_told(pose, *told_by) for pose in poses]
+    shares = [_denied_of(word, how) for word in words]
     sure = [share for share, (confirmed, _) in zip(shares, words, strict=True)
             if confirmed >= how.least]  # fmt: skip
     if not sure:
@@ -86,21 +78,49 @@ def appealed(
     return [poses[k] for k in left]
 
 
-def _denied_share(
+def _settling_all(n: int, params: GaussSphereParams) -> GaussSphereParams:
+    """Parameters by which n poses are settled, down to those that `judge` calls rivals here."""
+    least = params.decision.repeat_share
+    every = replace(
+        params.verification,
+        ranked=n,
+        kept=n,
+        rough_stride=1,
+        worth_settling=min(params.verification.worth_settling, least),
+        worth_refining=min(params.verification.worth_refining, least),
+    )
+    return replace(params, verification=every)
+
+
+def _told(
     pose: Settled, target: View, source: View, ends: tuple[Ends, Ends], params: OutlineParams
-) -> float:
-    """Of what ends of faces say of a pose, the share that denies it."""
-    r, t = pose.rotation, pose.shift_mm
-    confirmed, denied = said(r, t, target, source, ends, ANY_WAY, params)
+) -> tuple[int, int]:
+    """How many ends of faces confirm a pose, and deny it."""
+    return said(pose.rotation, pose.shift_mm, target, source, ends, ANY_WAY, params)
+
+
+def _denied_of(words: tuple[int, int], params: OutlineParams) -> float:
+    """Of what ends of faces say, the share that denies; few of them say little."""
+    confirmed, denied = words
     return denied / max(confirmed + denied, params.least)
 
 
-def _surest_like(
-    pose: Settled, poses: list[Settled], target: View, source: View, params: GaussSphereParams
-) -> Settled:
-    """The one of those like a pose that leaves the least open: planes slid, or led to it."""
-    alike = (one for one in poses if len(different([pose, one], source, params.decision)) == 1)
-    return min(alike, key=lambda one: open_directions_of(one, target, params.decision).shape[0])
+def _surest(
+    poses: list[Settled], target: View, source: View, params: GaussSphereParams
+) -> list[Settled]:
+    """The poses that are different, best first, each the one of those like it that is surest.
+
+    Planes slid some of them to where they are, and led others there.
+    """
+    n_open = [open_directions_of(pose, target, params.decision).shape[0] for pose in poses]
+    chosen = list[int]()
+    for best in different(poses, source, params.decision):
+        alike = [k for k, one in enumerate(poses)
+                 if len(different([best, one], source, params.decision)) == 1]  # fmt: skip
+        surest = min(alike, key=n_open.__getitem__)
+        if surest not in chosen:  # it may be like two that are not like each other
+            chosen.append(surest)
+    return [poses[k] for k in chosen]
 
 
 def _is_elsewhere(
@@ -112,14 +132,14 @@ def _is_elsewhere(
     """
     how = params.outlines
     open_directions = open_directions_of(pose, target, params.decision)
-    for confirmed, denied in _said_along(pose, open_directions, target, source, ends, how):
+    for confirmed, denied in _said_across(pose, open_directions, target, source, ends, how):
         said_at_all = confirmed + denied
         if said_at_all >= how.worth_starting and denied > how.dropped_share * said_at_all:
             return True
     return False
 
 
-def _said_along(
+def _said_across(
     pose: Settled,
     directions: FloatArray,
     target: View,
@@ -181,7 +201,7 @@ def _fixed(
         score=score,
     )
     ends = as_ends(of_target), as_ends(of_source)
-    for confirmed, denied in _said_along(moved_there, open_directions, target, source, ends, how):
+    for confirmed, denied in _said_across(moved_there, open_directions, target, source, ends, how):
         if confirmed < how.least or denied > how.denied_share * (confirmed + denied):
             return pose
     return moved_there

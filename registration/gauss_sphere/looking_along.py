@@ -10,10 +10,13 @@ from registration.gauss_sphere.matching import Settled, different
 from registration.gauss_sphere.open_directions import centre_of, open_directions_of
 from registration.gauss_sphere.outlines import Ends
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
+from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.testimony import said_along
 from registration.gauss_sphere.verification import compared
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray
+
+ONE_WAY = 0.95  # cosine between directions that are looked along
 
 
 def starts_along(
@@ -49,8 +52,9 @@ def carried_back(
     shifts_mm, worth = _worth_along(pose, along, how.carried_mm, target, source, ends, how)
     if worth.max() < how.worth_starting:
         return pose
-    most = shifts_mm[worth == worth.max()]
-    t = pose.shift_mm + most[abs(most).argmin()] * along
+    most = np.flatnonzero(worth == worth.max())
+    nearest = int(most[abs(shifts_mm[most]).argmin()])
+    t = pose.shift_mm + shifts_mm[_middle_of_run(worth, nearest)] * along
     areas, score = compared(
         target, source, pose.rotation, t, params.match.tolerances_mm[-1], params.verification
     )
@@ -60,15 +64,20 @@ def carried_back(
 def placed_first(
     poses: list[Settled], target: View, source: View, params: GaussSphereParams
 ) -> list[Settled]:
-    """The poses, of those along one open shift the ones first that leave nothing open."""
+    """The poses, of those along one open shift the ones first that leave nothing open.
+
+    Not those that share so little with the views that they would be no rivals.
+    """
     left, ordered = list(range(len(poses))), list[Settled]()
     whole = [not open_directions_of(pose, target, params.decision).size for pose in poses]
     while left:
-        pose = poses[left[0]]
+        pose, now = poses[left[0]], left[:1]
         along = _open_shift(pose, target, params)
-        before = [k for k in left[1:] if along is not None and whole[k]
-                  and _is_along(pose, poses[k], along, source, params)]  # fmt: skip
-        now = [*before, left[0]]
+        if along is not None:
+            least = params.decision.repeat_share * pose.score
+            placed = [k for k in left[1:] if whole[k] and poses[k].score > least]
+            far_mm = [_how_far_along(pose, poses[k], along, source, params) for k in placed]
+            now = [k for k, far in zip(placed, far_mm, strict=True) if far is not None] + now
         ordered += [poses[k] for k in now]
         left = [k for k in left if k not in now]
     return ordered
@@ -79,15 +88,20 @@ def _to_look_along(
 ) -> Iterator[tuple[Settled, FloatArray | None]]:
     """The poses, each with the direction (3,) that it is looked for along, if it is.
 
-    It is not if it lies along there from an earlier one: both are looked for in the same places.
+    It is not if an earlier one is looked for along there, from a place so near that its reach takes
+    in what lies around this one.
     """
-    looked_for = list[Settled]()
+    looked_for, near_mm = list[tuple[Settled, FloatArray]](), 0.5 * params.outlines.slide_mm
     for pose in settled:
-        along = _open_shift(pose, target, params)
-        if along is None or any(_is_along(pose, o, along, source, params) for o in looked_for):
+        along, known = _open_shift(pose, target, params), False
+        for other, other_along in looked_for:
+            if along is not None and abs(along @ other_along) > ONE_WAY:
+                far_mm = _how_far_along(pose, other, other_along, source, params)
+                known = known or (far_mm is not None and abs(far_mm) < near_mm)
+        if along is None or known:
             yield pose, None
         else:
-            looked_for.append(pose)
+            looked_for.append((pose, along))
             yield pose, along
 
 
@@ -107,7 +121,7 @@ def _starts(
     found: list[tuple[FloatArray, FloatArray]] = []
     most = max(worth.max() * how.peak_share, how.worth_starting)
     while worth.max() >= most and len(found) < params.verification.kept:
-        k = int(worth.argmax())
+        k = _middle_of_run(worth, int(worth.argmax()))
         found.append((pose.rotation, pose.shift_mm + shifts_mm[k] * along))
         worth[abs(shifts_mm - shifts_mm[k]) <= params.decision.distinct_mm] = 0
     return [*found, *here]
@@ -126,13 +140,28 @@ def _open_shift(pose: Settled, target: View, params: GaussSphereParams) -> Float
     return along / length
 
 
-def _is_along(
+def _how_far_along(
     pose: Settled, other: Settled, along: FloatArray, source: View, params: GaussSphereParams
-) -> bool:
-    """Whether a pose is another one, shifted along a direction."""
-    away = other.shift_mm - pose.shift_mm
-    shifted = pose._replace(shift_mm=pose.shift_mm + (away @ along) * along)
-    return len(different([shifted, other], source, params.decision)) == 1
+) -> float | None:
+    """How far in mm a pose is to be shifted along a direction to be another; None if it never is.
+
+    It is measured where poses are compared: in the middle of the surface.
+    """
+    there = middle(source.patches)
+    away = other.rotation @ there + other.shift_mm - pose.rotation @ there - pose.shift_mm
+    far_mm = float(away @ along)
+    shifted = pose._replace(shift_mm=pose.shift_mm + far_mm * along)
+    return far_mm if len(different([shifted, other], source, params.decision)) == 1 else None
+
+
+def _middle_of_run(worth: IntArray, k: int) -> int:
+    """The middle of the places that are worth as much as place k, from there on to both sides."""
+    first = last = k
+    while first > 0 and worth[first - 1] == worth[k]:
+        first -= 1
+    while last + 1 < worth.size and worth[last + 1] == worth[k]:
+        last += 1
+    return (first + last) // 2
 
 
 def _worth_along(

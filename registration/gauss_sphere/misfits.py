@@ -10,6 +10,7 @@ from registration.gauss_sphere.open_directions import open_directions_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.refine import likelihood
 from registration.gauss_sphere.settling import make_likely
+from registration.gauss_sphere.verification import compared
 from registration.gauss_sphere.view import View
 
 LEAST_FITTING = 2.0 / 3.0  # of the pairs: poses that are turned by a like thing lose more
@@ -21,7 +22,8 @@ def without_misfits(
     """The pose by those of its planes that fit, if it is only left open by the others.
 
     Two planes a few mm apart may be taken for one, as a drawer and the next, which stands out. What
-    explains that as an error of all planes leaves directions open that the others fix.
+    explains that as an error of all planes leaves directions open that the others fix. It is as
+    sure, then, as the planes that fit make it.
     """
     fits = pose.distance2 < params.refine.capped_distance2
     if fits.all() or not open_directions_of(pose, target, params.decision).size:
@@ -34,10 +36,10 @@ def without_misfits(
         target.patches, source.patches, pairs, likelihood(params.refine), floors_of(params),
         r, t, information, sure, distance2,
     )  # fmt: skip
-    fitting = pose._replace(
-        rotation=r, shift_mm=t, information=information, sure=sure, floor_mm=floor_mm,
-        pairs=pairs, distance2=distance2,
-    )  # fmt: skip
+    areas, score = compared(
+        target, source, r, t, params.match.tolerances_mm[-1], params.verification
+    )
+    fitting = Settled(r, t, information, sure, floor_mm, pairs, distance2, areas, score)
     if agreeing_planes(fitting, target, params.decision) < params.decision.sure_planes:
         return pose
     return pose if open_directions_of(fitting, target, params.decision).size else fitting

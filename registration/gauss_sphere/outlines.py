@@ -40,16 +40,15 @@ class Ends(NamedTuple):
 
 
 class Outlines(NamedTuple):
-    """Points of outlines, each with the direction of the line that its neighbours make.
+    """Points of outlines, each on the line that its neighbours make.
 
-    point_mm: (n, 3) on a plane; outward, along, normal: (n, 3) unit, in the plane away from the
-    face, in the plane along the outline, and across the plane.
+    point_mm: (n, 3) on a plane; outward, normal: (n, 3) unit, in the plane away from the face,
+    across its line, and across the plane.
     line: (n,) patch and side, as one number; variance_mm2: (n,) of the point, outward.
     """
 
     point_mm: FloatArray
     outward: FloatArray
-    along: FloatArray
     normal: FloatArray
     line: IntArray
     variance_mm2: FloatArray
@@ -70,8 +69,8 @@ def found_outlines(view: View, params: OutlineParams) -> Outlines:
 def chosen(outlines: Outlines, kept: IntArray) -> Outlines:
     """Those of some numbers."""
     return Outlines(
-        outlines.point_mm[kept], outlines.outward[kept], outlines.along[kept],
-        outlines.normal[kept], outlines.line[kept], outlines.variance_mm2[kept],
+        outlines.point_mm[kept], outlines.outward[kept], outlines.normal[kept],
+        outlines.line[kept], outlines.variance_mm2[kept],
     )  # fmt: skip
 
 
@@ -80,19 +79,16 @@ def moved_outlines(outlines: Outlines, r: FloatArray, t: FloatArray) -> Outlines
     """The outlines in the frame of the other view, under a pose."""
     n = outlines.line.size
     out = Outlines(
-        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), outlines.line,
-        outlines.variance_mm2,
+        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), outlines.line, outlines.variance_mm2
     )  # fmt: skip
     for j in range(n):
         for u in range(3):
-            point, outward, along, normal = t[u], 0.0, 0.0, 0.0
+            point, outward, normal = t[u], 0.0, 0.0
             for v in range(3):
                 point += r[u, v] * outlines.point_mm[j, v]
                 outward += r[u, v] * outlines.outward[j, v]
-                along += r[u, v] * outlines.along[j, v]
                 normal += r[u, v] * outlines.normal[j, v]
-            out.point_mm[j, u], out.outward[j, u] = point, outward
-            out.along[j, u], out.normal[j, u] = along, normal
+            out.point_mm[j, u], out.outward[j, u], out.normal[j, u] = point, outward, normal
     return out
 
 
@@ -246,8 +242,7 @@ def _lines(
     """The points whose neighbours of the same side make a line, put on it."""
     n, k = line.size, 0
     out = Outlines(
-        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)),
-        np.empty(n, np.int64), np.empty(n),
+        np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n, np.int64), np.empty(n)
     )  # fmt: skip
     order = np.argsort(line, kind="mergesort")  # rows stay in order within a line
     low = 0
@@ -290,7 +285,6 @@ def _lines(
         offset = sx * ox + sy * oy
         for v in range(3):
             out.outward[k, v] = ox * basis[0, v] + oy * basis[1, v]
-            out.along[k, v] = ax * basis[0, v] + ay * basis[1, v]
             out.normal[k, v] = patches.normal[line[j] // SIDES, v]
             out.point_mm[k, v] = point[j, v] + offset * out.outward[k, v]
         out.line[k] = line[j]

@@ -6,19 +6,21 @@ import numpy as np
 
 from registration.gauss_sphere.outlines import Outlines, chosen, found_outlines
 from registration.gauss_sphere.params import OutlineParams
+from registration.gauss_sphere.testimony import off_both_sides
 from registration.gauss_sphere.view import Seen, View
 from registration.gauss_sphere.what_is_seen import ON, what_is_at
 from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 ONE_DIRECTION = 0.9  # cosine between ways out of faces
-BEYOND = (1.0, 1.5, 2.0)  # of the way to where another view is asked: a groove may be as wide
+BEYOND = (1.0, 1.5, 2.0)  # of the way to where a like view is asked: a groove may be as wide
 
 
 def outlines_of(view: View, params: OutlineParams) -> Outlines:
     """The outlines that a view sees of its planes; of very many points, some of each direction."""
     found = found_outlines(view, params)
-    ends = _without_grooves(found, view.seen, params.off_mm, params.on_mm, params.behind_mm)
+    off_mm = off_both_sides(view, view, params.off_mm)
+    ends = _without_grooves(found, view.seen, off_mm, params.on_mm, params.behind_mm)
     return chosen(ends, _some_of_each_direction(ends.outward, params.most_points))
 
 

@@ -17,16 +17,23 @@ from plane_scans import (
     random_view,
     scan_plates,
 )
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import Scan, register
-from registration.gauss_sphere.appeal import _surest_like
+from registration.gauss_sphere.appeal import _surest
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.looking_along import _to_look_along, placed_first, starts_along
+from registration.gauss_sphere.looking_along import (
+    _how_far_along,
+    _middle_of_run,
+    _to_look_along,
+    placed_first,
+    starts_along,
+)
 from registration.gauss_sphere.matching import Settled, settle_best
-from registration.gauss_sphere.open_directions import uncertainty
+from registration.gauss_sphere.open_directions import open_directions_of
 from registration.gauss_sphere.outlines import as_ends, found_outlines
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
+from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.telling_outlines import _some_of_each_direction, outlines_of
 from registration.gauss_sphere.testimony import said, said_along
 from registration.gauss_sphere.view import View
@@ -151,15 +158,68 @@ def test_poses_along_one_open_shift_are_looked_for_once_and_led_to_the_true_one(
         assert (np.linalg.norm(shifts - pose.shift_mm, axis=1) == 0.0).any()
 
 
+def test_poses_far_apart_or_open_in_other_directions_are_looked_along_each() -> None:
+    target_scan, source_scan, T = two_scans(steps(), 1)
+    target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
+    there = settled_at(target, source, T)[0]
+    near, far, farthest = (
+        there._replace(shift_mm=there.shift_mm + off_mm * ALONG)
+        for off_mm in (0.4 * HOW.slide_mm, -0.4 * HOW.slide_mm, 0.6 * HOW.slide_mm)
+    )
+    # Planes fix the shift along the steps, and not the one across them.
+    across = ROOM.apply([0.0, 0.0, 1.0])
+    other_way = there._replace(sure=there.sure.copy())
+    other_way.sure[3:, 3:] = np.eye(3) - np.outer(across, across)
+    other_way.sure[:3, :3], other_way.sure[:3, 3:] = 1e9 * np.eye(3), 0.0
+    other_way.sure[3:, :3] = 0.0
+
+    def looked(poses: list[Settled]) -> list[bool]:
+        return [along is not None for _, along in _to_look_along(poses, target, source, PARAMS)]
+
+    assert looked([near, there, farthest]) == [True, False, False]
+    assert looked([near, far, farthest]) == [True, True, False]
+    assert looked([other_way, there]) == [True, True]
+
+
+def test_a_pose_turned_a_little_about_the_surface_still_lies_along_another() -> None:
+    target_scan, source_scan, T = two_scans(steps(), 1)
+    target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
+    there = settled_at(target, source, T)[0]
+    turn = Rotation.from_rotvec(np.deg2rad([1.5, 0.0, 0.0])).as_matrix()
+    centre = there.rotation @ middle(source.patches) + there.shift_mm
+    turned = there._replace(
+        rotation=turn @ there.rotation,
+        shift_mm=turn @ (there.shift_mm - centre) + centre + 100.0 * ALONG,
+    )
+    far_mm = _how_far_along(there, turned, ALONG, source, PARAMS)
+    assert far_mm == pytest.approx(100.0, abs=1e-6)
+    aside = turned._replace(shift_mm=turned.shift_mm + 60.0 * ROOM.apply([0.0, 0.0, 1.0]))
+    assert _how_far_along(there, aside, ALONG, source, PARAMS) is None
+
+
 def test_of_poses_alike_the_one_that_leaves_least_open_stands_for_them() -> None:
     target_scan, source_scan, T = two_scans(steps(), 1)
     target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
     slid = settled_at(target, source, T)[0]
     known = slid._replace(sure=slid.sure + np.eye(6), score=0.5 * slid.score)
-    elsewhere = known._replace(shift_mm=known.shift_mm + 200.0 * ALONG)
-    assert uncertainty(slid, slid.sure, target, PARAMS.decision)[1].shape[0] == 1
-    assert _surest_like(slid, [slid, elsewhere, known], target, source, PARAMS) is known
-    assert _surest_like(slid, [slid, elsewhere], target, source, PARAMS) is slid
+    elsewhere = slid._replace(shift_mm=slid.shift_mm + 200.0 * ALONG, score=0.9 * slid.score)
+    assert open_directions_of(slid, target, PARAMS.decision).shape[0] == 1
+
+    def surest(*poses: Settled) -> list[int]:
+        return [id(pose) for pose in _surest(list(poses), target, source, PARAMS)]
+
+    assert surest(slid, elsewhere, known) == [id(known), id(elsewhere)]
+    assert surest(slid, elsewhere) == [id(slid), id(elsewhere)]
+    # One may be like two that are not like each other: it is one pose all the same.
+    within_mm = 0.7 * PARAMS.decision.distinct_mm
+    between = known._replace(shift_mm=slid.shift_mm + within_mm * ALONG, score=0.8 * slid.score)
+    beyond = slid._replace(shift_mm=slid.shift_mm + 2.0 * within_mm * ALONG, score=0.9 * slid.score)
+    assert surest(slid, between, beyond) == [id(between)]
+
+
+def test_a_place_is_the_middle_of_those_that_are_worth_as_much() -> None:
+    worth = np.array([5, 5, 0, 7, 7, 7, 7, 5])
+    assert [_middle_of_run(worth, k) for k in (0, 2, 3, 6, 7)] == [0, 2, 4, 4, 7]
 
 
 def test_a_pose_that_ends_placed_comes_before_one_that_slides_through_its_place() -> None:
@@ -168,9 +228,11 @@ def test_a_pose_that_ends_placed_comes_before_one_that_slides_through_its_place(
     there, slid = (settled_at(target, source, T, off_mm)[0] for off_mm in (0.0, 45.0))
     whole = there._replace(sure=there.sure + np.eye(6))
     aside = whole._replace(shift_mm=whole.shift_mm + 200.0 * ROOM.apply([0.0, 0.0, 1.0]))
+    little = whole._replace(score=0.9 * PARAMS.decision.repeat_share * slid.score)
     for poses, wanted in (
         ([slid, aside, whole], [whole, slid, aside]),
         ([slid, aside], [slid, aside]),
+        ([slid, little], [slid, little]),
         ([aside, slid, whole], [aside, whole, slid]),
     ):
         ordered = placed_first(poses, target, source, PARAMS)

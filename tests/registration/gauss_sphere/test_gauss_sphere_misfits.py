@@ -55,6 +55,16 @@ def test_pairs_that_do_not_fit_no_longer_leave_a_pose_open(seed: int) -> None:
     assert np.linalg.slogdet(fitting.sure)[1] <= np.linalg.slogdet(pose.sure)[1] + 1.0
 
 
+def test_a_pose_that_moves_is_scored_where_it_goes() -> None:
+    target, source, pose = settled(0)
+    vague = with_false_pairs(pose, target, source, 2)
+    away_mm = np.array([0.0, 5.0, 3.0])
+    away = vague._replace(shift_mm=vague.shift_mm + away_mm, areas=np.zeros(2), score=0.0)
+    fitting = without_misfits(away, target, source, PARAMS)
+    assert fitting.score == pytest.approx(pose.score, rel=0.01)
+    np.testing.assert_allclose(fitting.areas, pose.areas, rtol=0.01, atol=1.0)
+
+
 def test_a_pose_stays_where_nothing_is_open_or_too_many_do_not_fit() -> None:
     target, source, pose = settled(0)
     assert without_misfits(pose, target, source, PARAMS) is pose
