@@ -14,7 +14,7 @@ import numpy as np
 from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.coinciding import information_of
 from registration.gauss_sphere.decision import is_thin
-from registration.gauss_sphere.looking_along import carried_back, placed_first, starts_along
+from registration.gauss_sphere.looking_along import carried_back, starts_along
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.misfits import without_misfits
 from registration.gauss_sphere.open_directions import centre_of, open_directions_of, open_units
@@ -59,7 +59,7 @@ def appealed(
     there = [carried_back(pose, target, source, ends, params) for pose in again]
     hopeful = [pose for pose in there if _denied_of(_told(pose, *told_by), how) < HOPELESS]
     fixed = [_fixed(pose, target, source, outlines, params) for pose in hopeful]
-    poses = placed_first(_surest(fixed, target, source, params), target, source, params)
+    poses = _surest(fixed, target, source, params)
     needed = max(how.least, how.confirmed_share * (of_target.line.size + of_source.line.size))
     words = [_told(pose, *told_by) for pose in poses]
     shares = [_denied_of(word, how) for word in words]
@@ -120,7 +120,7 @@ def _surest(
         surest = min(alike, key=n_open.__getitem__)
         if surest not in chosen:  # it may be like two that are not like each other
             chosen.append(surest)
-    return [poses[k] for k in chosen]
+    return sorted((poses[k] for k in chosen), key=lambda pose: -pose.score)
 
 
 def _is_elsewhere(

@@ -35,7 +35,7 @@ def judge(
     params: DecisionParams,
     appeal: bool = False,
 ) -> Verdict:
-    """Whether the first of the settled poses is an answer, and how sure it is.
+    """Whether the best of the settled poses is an answer, and how sure it is.
 
     appeal: outlines have been asked, too: each pose that they leave is a rival, on less surface.
     """
@@ -59,23 +59,23 @@ def judge(
 
 
 def questioned(covariance: FloatArray | None, best: Settled, rivals: list[Settled]) -> Verdict:
-    """What is left of an answer that other poses could be, too."""
+    """What is left of an answer that other poses could be, too, the best of them first."""
     return Verdict(
         "ambiguous",
         f"{len(rivals) + 1} poses fit about equally well: the scanned part is symmetric or "
         f"repeats itself, or too little is shared; the best of the others scores "
-        f"{max(rival.score for rival in rivals) / best.score:.0%} of the first",
+        f"{rivals[0].score / best.score:.0%} of the first",
         "decision",
         covariance,
     )
 
 
 def _others(best: Settled, rivals: list[Settled]) -> str:
-    """What to say besides of other poses that fit about as well."""
+    """What to say besides of other poses that fit about as well, the best of them first."""
     if not rivals:
         return ""
     number = f"{len(rivals)} other poses fit" if len(rivals) > 1 else "another pose fits"
-    share = max(rival.score for rival in rivals) / best.score
+    share = rivals[0].score / best.score
     return f"; besides, {number} about equally well, with {share:.0%} of the score of the first"
 
 
@@ -144,7 +144,7 @@ def refuted(share: float) -> Verdict:
 def answered(
     verdict: Verdict, poses: list[Settled], target: View, source: View
 ) -> RegistrationResult:
-    """The answer of a verdict on the first of some poses, each with its share of the surface."""
+    """The answer of a verdict on poses, best first, scored by the share of the seen surface."""
     seen = mean_seen_mm2(target, source)
     candidates = tuple(map(Candidate, transforms(poses), (pose.score / seen for pose in poses)))
     if verdict.status == "failed":

@@ -61,28 +61,6 @@ def carried_back(
     return pose._replace(shift_mm=t, areas=areas, score=score)
 
 
-def placed_first(
-    poses: list[Settled], target: View, source: View, params: GaussSphereParams
-) -> list[Settled]:
-    """The poses, of those along one open shift the ones first that leave nothing open.
-
-    Not those that share so little with the views that they would be no rivals.
-    """
-    left, ordered = list(range(len(poses))), list[Settled]()
-    whole = [not open_directions_of(pose, target, params.decision).size for pose in poses]
-    while left:
-        pose, now = poses[left[0]], left[:1]
-        along = _open_shift(pose, target, params)
-        if along is not None:
-            least = params.decision.repeat_share * pose.score
-            placed = [k for k in left[1:] if whole[k] and poses[k].score > least]
-            far_mm = [_how_far_along(pose, poses[k], along, source, params) for k in placed]
-            now = [k for k, far in zip(placed, far_mm, strict=True) if far is not None] + now
-        ordered += [poses[k] for k in now]
-        left = [k for k in left if k not in now]
-    return ordered
-
-
 def _to_look_along(
     settled: list[Settled], target: View, source: View, params: GaussSphereParams
 ) -> Iterator[tuple[Settled, FloatArray | None]]:
