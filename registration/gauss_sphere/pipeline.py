@@ -16,12 +16,12 @@ from registration.gauss_sphere.decision import (
     Verdict,
     answered,
     is_weak,
-    judge,
     questioned,
     refuted,
 )
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import PlaneEvidence
+from registration.gauss_sphere.free_planes import judged_by_free_planes
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.misfits import without_misfits
 from registration.gauss_sphere.open_directions import covariance_of, sliding, widest_covariance_of
@@ -147,7 +147,8 @@ def _judged(
     settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
 ) -> tuple[list[Settled], Verdict]:
     """Judge poses by planes, and by outlines where planes leave doubt or ends of faces raise it."""
-    verdict, best = judge(settled, target, source, params.decision), settled[0]
+    settled, verdict = judged_by_free_planes(settled, target, source, params)
+    best = settled[0]
     pose, how, denied = (best.rotation, best.shift_mm, target, source), params.outlines, 0.0
     if verdict.status == "ok" and not is_doubtful(*pose, how):
         return settled, verdict
@@ -158,7 +159,7 @@ def _judged(
             return settled, verdict
     left = appealed(settled, target, source, outlines, bias_mm, params)
     if left:
-        return left, judge(left, target, source, params.decision, appeal=True)
+        return judged_by_free_planes(left, target, source, params, appeal=True)
     return settled, refuted(denied) if verdict.status == "ok" else verdict
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from registration.gauss_sphere.decision import agreeing_patches, agreeing_planes
+from registration.gauss_sphere.free_planes import has_free_plane
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import as_ends
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
@@ -86,7 +87,7 @@ def symmetric_rivals(
             target, source, ends, pose.rotation, pose.shift_mm, along, how
         )
         there = _scored(pose._replace(shift_mm=t), target, source, params)
-        if not _allowed(there, best, decision):
+        if not _allowed(there, best, decision) or has_free_plane(there, target, source, params):
             continue
         silent = confirmed + denied < how.least and denied <= most_denied * how.least
         if few and silent and there.score > decision.silent_share * best.score:

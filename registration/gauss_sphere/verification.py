@@ -110,7 +110,7 @@ def _compare(
             )
     n = (sample_area.size + stride - 1) // stride
     moved, beam = np.empty((6, n)), np.empty(n, np.int64)
-    _move(points_of.sample_mm, r, t, moved)
+    move(points_of.sample_mm, r, t, moved)
     beams_at(seen_by, moved, beam)
     supported, contradicted = 0.0, 0.0
     for j in range(n):
@@ -136,7 +136,7 @@ def _compare(
 
 
 @compiled
-def _move(samples: FloatArray, r: FloatArray, t: FloatArray, moved: FloatArray) -> None:
+def move(samples: FloatArray, r: FloatArray, t: FloatArray, moved: FloatArray) -> None:
     """Move the first samples (3, m) into the other view: the first rows of moved, (6, n)."""
     for u in range(3):
         rx, ry, rz, shift, out = r[u, 0], r[u, 1], r[u, 2], t[u], moved[u]

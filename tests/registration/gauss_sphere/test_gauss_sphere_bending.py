@@ -11,7 +11,7 @@ from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair, plates_from, scan_pl
 
 from registration import RegistrationResult, Scan, register
 from registration.calibration import Calibration, Table
-from registration.gauss_sphere import pipeline
+from registration.gauss_sphere import free_planes
 from registration.gauss_sphere.bending import PARABOLA_MM, bending, doubted
 from registration.gauss_sphere.calibrated import NOTHING_KNOWN, read_known
 from registration.gauss_sphere.describing import describe
@@ -163,12 +163,12 @@ def test_a_bias_of_nothing_leaves_the_pose_as_sure_as_it_was(
 ) -> None:
     """What noisy normals seem to add to the information is taken out there, too."""
     judged = []
-    judge = pipeline.judge
-    monkeypatch.setattr(pipeline, "judge", lambda *given: judged.append(given) or judge(*given))
+    judge = free_planes.judge
+    monkeypatch.setattr(free_planes, "judge", lambda *given: judged.append(given) or judge(*given))
     # Or whole planes would move the pose afterwards.
     params = GaussSphereParams(whole_planes=WholePlaneParams(most_floor_mm=0.0))
     pair = clutter_pair(1, 1.0)
     register(pair.target, pair.source, params=params)
-    ((settled, target, source, _),) = judged
+    ((settled, target, source, *_),) = judged
     again = doubted(settled[0], target.patches, source.patches, 0.0, params)
     np.testing.assert_array_equal(again.sure, settled[0].sure)

@@ -23,6 +23,7 @@ from plane_scans import (
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import register
+from registration.gauss_sphere import symmetry
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.matching import Settled, settle_best
 from registration.gauss_sphere.params import GaussSphereParams
@@ -254,7 +255,7 @@ def is_at(one: Settled, pair: Pair) -> bool:
 
 def test_a_pose_further_along_needs_planes_and_hides_no_settled_one() -> None:
     pair = brackets_in_a_row(193)
-    (wrong,) = register(pair.target, pair.source).candidates
+    wrong, *_ = register(pair.target, pair.source).candidates
     views = views_of(pair, PARAMS)
     best = settled_at(wrong.T_target_source, views, PARAMS)
     (other,) = (one for one in symmetric_rivals([best], *views, PARAMS)[0] if is_at(one, pair))
@@ -275,8 +276,11 @@ def rivals_of_true_poses(pairs: list[Pair], **decision: float) -> int:
     return count
 
 
-def test_ends_of_faces_and_free_space_keep_rivals_out() -> None:
+def test_ends_of_faces_and_free_space_keep_rivals_out(monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = [laid_table(seed) for seed in range(16)]
+    # Planes that would stand where nothing was seen keep all of them out by themselves.
+    assert rivals_of_true_poses(pairs, turned_denied=1.0, plain_contradiction=1.0) == 0
+    monkeypatch.setattr(symmetry, "has_free_plane", lambda *_: False)
     asked = rivals_of_true_poses(pairs)
     without_ends = rivals_of_true_poses(pairs, turned_denied=1.0)
     without_both = rivals_of_true_poses(pairs, turned_denied=1.0, plain_contradiction=1.0)
