@@ -268,7 +268,7 @@ class OutlineParams(Checked):
     most_points: int = 600
     every: int = 12
     refuted_share: float = 0.2
-    refuting_share: float = 0.06
+    refuting_share: float = 0.09
     least: int = 20
     confirmed_share: float = 0.12
     denied_share: float = 0.1
