@@ -30,13 +30,15 @@ def judged_by_free_planes(
     params: GaussSphereParams,
     appeal: bool = False,
 ) -> tuple[list[Settled], Verdict]:
-    """Judge poses; if several could be, only those that put no plane where nothing was seen."""
-    verdict = judge(settled, target, source, params.decision, appeal)
-    if verdict.status != "ambiguous":
+    """Judge poses; if several could be, only those that put no plane where nothing was seen.
+
+    All of them if the best does: then a thing was moved between the scans, and says nothing.
+    """
+    verdict, best = judge(settled, target, source, params.decision, appeal), settled[0]
+    if verdict.status != "ambiguous" or has_free_plane(best, target, source, params):
         return settled, verdict
-    left = [pose for pose in settled if not has_free_plane(pose, target, source, params)]
-    if not left or len(left) == len(settled):
-        return settled, verdict
+    others = [pose for pose in settled[1:] if not has_free_plane(pose, target, source, params)]
+    left = [best, *others]
     return left, judge(left, target, source, params.decision, appeal)
 
 

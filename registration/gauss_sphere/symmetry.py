@@ -82,12 +82,15 @@ def symmetric_rivals(
     confirmed, denied = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
     most_denied = denied / max(confirmed + denied, how.least) + decision.turned_denied
     enough, rivals, unsaid = _enough_planes(len(agreeing), decision), [], []
+    unmoved = not has_free_plane(best, target, source, params)
     for pose, along, further_along in found:
         t, confirmed, denied = placed(
             target, source, ends, pose.rotation, pose.shift_mm, along, how
         )
         there = _scored(pose._replace(shift_mm=t), target, source, params)
-        if not _allowed(there, best, decision) or has_free_plane(there, target, source, params):
+        if not _allowed(there, best, decision):
+            continue
+        if unmoved and has_free_plane(there, target, source, params):
             continue
         silent = confirmed + denied < how.least and denied <= most_denied * how.least
         if few and silent and there.score > decision.silent_share * best.score:

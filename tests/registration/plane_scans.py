@@ -92,6 +92,28 @@ def box_faces(T_world_box: RigidTransform, half_mm: np.ndarray) -> Plates:
     return move_plates(Plates(np.array(centres), np.array(axes), np.array(halves)), T_world_box)
 
 
+def stairs(*others: tuple[list[float], str, list[float]]) -> Plates:
+    """Steps along the room's Y that do not end, no two alike, and other plates.
+
+    others: place in the room, which way one faces ("riser" as the steps' fronts, "side" across
+    them), and half sizes: upright and along Y, or upright and in depth.
+    """
+    up, along, away = np.eye(3)
+    facing = {
+        "tread": (away, along, up),
+        "riser": (up, along, -away),
+        "side": (up, away, -along),
+    }
+    plates, (x, z) = list(others), (-110.0, -60.0)
+    for rise, run in ((30.0, 70.0), (52.0, 34.0), (41.0, 58.0), (64.0, 45.0)):
+        plates.append(([x, 0.0, z + 0.5 * run], "tread", [0.5 * run, 900.0]))
+        plates.append(([x + 0.5 * rise, 0.0, z + run], "riser", [0.5 * rise, 900.0]))
+        x, z = x + rise, z + run
+    places, faces, halves = zip(*plates, strict=True)
+    axes = np.array([ROOM.apply(facing[face]) for face in faces])
+    return Plates(MIDDLE + ROOM.apply(places), axes, np.array(halves))
+
+
 def join(*parts: Plates) -> Plates:
     return Plates(
         *(np.concatenate([getattr(p, f) for p in parts]) for f in ("centre_mm", "axes", "half_mm"))
@@ -151,3 +173,14 @@ def clutter_pair(seed: int, noise: float) -> Pair:
         scan_plates(move_plates(plates, T_source_target), noise=noise, rng=rng),
         T_source_target.inv(),
     )
+
+
+def stairs_pair(plates: Plates, seed: int) -> Pair:
+    """Stairs, from two views that differ by up to 12 degrees."""
+    rng = np.random.default_rng(seed)
+    T_source_target = random_view(rng, turn_deg=12.0)
+    target, source = (
+        scan_plates(each, profiles=90, step_mm=3.0, noise=1.0, rng=rng)
+        for each in (plates, move_plates(plates, T_source_target))
+    )
+    return Pair(target, source, T_source_target.inv())

@@ -11,15 +11,15 @@ from plane_scans import (
     ROOM,
     Plates,
     join,
-    move_plates,
     plates_from,
     pose_error,
-    random_view,
     scan_plates,
+    stairs,
+    stairs_pair,
 )
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from registration import Scan, register
+from registration import register
 from registration.gauss_sphere.appeal import _surest
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.looking_along import (
@@ -42,31 +42,10 @@ ALONG = ROOM.apply([0.0, 1.0, 0.0])  # of the steps
 
 
 def steps(boards: bool = True) -> Plates:
-    """Steps along the room's Y that do not end, no two alike, and two boards that do."""
-    up, along, away = np.eye(3)
-    tread, riser = (away, along, up), (up, along, -away)
-    plates = list[tuple[list[float], tuple[np.ndarray, ...], list[float]]]()
-    x, z = -110.0, -60.0
-    for rise, run in ((30.0, 70.0), (52.0, 34.0), (41.0, 58.0), (64.0, 45.0)):
-        plates.append(([x, 0.0, z + 0.5 * run], tread, [0.5 * run, 900.0]))
-        plates.append(([x + 0.5 * rise, 0.0, z + run], riser, [0.5 * rise, 900.0]))
-        x, z = x + rise, z + run
-    if boards:
-        plates.append(([-50.0, -110.0, -90.0], riser, [20.0, 17.0]))
-        plates.append(([45.0, 95.0, -60.0], riser, [20.0, 30.0]))
-    centres, axes, halves = zip(*plates, strict=True)
-    turned = ROOM.apply(np.array(axes).reshape(-1, 3)).reshape(-1, 3, 3)
-    return Plates(MIDDLE + ROOM.apply(centres), turned, np.array(halves))
-
-
-def two_scans(plates: Plates, seed: int) -> tuple[Scan, Scan, RigidTransform]:
-    rng = np.random.default_rng(seed)
-    T_source_target = random_view(rng, turn_deg=12.0)
-    moved = move_plates(plates, T_source_target)
-    target, source = (
-        scan_plates(each, profiles=90, step_mm=3.0, noise=1.0, rng=rng) for each in (plates, moved)
-    )
-    return target, source, T_source_target.inv()
+    """Stairs, and two boards before them, unlike each other, that end across."""
+    lower = ([-50.0, -110.0, -90.0], "riser", [20.0, 17.0])
+    upper = ([45.0, 95.0, -60.0], "riser", [20.0, 30.0])
+    return stairs(*((lower, upper) if boards else ()))
 
 
 def settled_at(target: View, source: View, T: RigidTransform, off_mm: float = 0.0) -> list[Settled]:
@@ -116,7 +95,7 @@ def test_a_groove_between_two_boards_is_no_end_of_them(gap_mm: float, seen: bool
 
 
 def test_ends_say_along_a_direction_what_they_say_at_each_place() -> None:
-    scans, T = two_scans(steps(), 0)[:2], two_scans(steps(), 0)[2]
+    *scans, T = stairs_pair(steps(), 0)
     views = tuple(describe(scan, PARAMS) for scan in scans)
     ends = tuple(as_ends(outlines_of(view, HOW)) for view in views)
     r, t = np.ascontiguousarray(T.rotation.as_matrix()), np.asarray(T.translation)
@@ -130,19 +109,19 @@ def test_ends_say_along_a_direction_what_they_say_at_each_place() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_few_ends_among_many_outlines_fix_the_shift_along_these(seed: int) -> None:
-    target, source, T = two_scans(steps(), seed)
+    target, source, T = stairs_pair(steps(), seed)
     result = register(target, source)
     assert result.status == "ok", result.reason
     turn_deg, _ = pose_error(result.T_target_source, T)
     at = T.inv().apply(MIDDLE)
     assert turn_deg < 0.5
     assert np.linalg.norm(result.T_target_source.apply(at) - MIDDLE) < 6.0
-    open_end = two_scans(steps(boards=False), seed)
+    open_end = stairs_pair(steps(boards=False), seed)
     assert register(*open_end[:2]).status == "underdetermined"
 
 
 def test_poses_along_one_open_shift_are_looked_for_once_and_led_to_the_true_one() -> None:
-    target_scan, source_scan, T = two_scans(steps(), 1)
+    target_scan, source_scan, T = stairs_pair(steps(), 1)
     target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
     ends = as_ends(outlines_of(target, HOW)), as_ends(outlines_of(source, HOW))
     slid = [settled_at(target, source, T, off_mm)[0] for off_mm in (30.0, -45.0)]
@@ -158,7 +137,7 @@ def test_poses_along_one_open_shift_are_looked_for_once_and_led_to_the_true_one(
 
 
 def test_poses_far_apart_or_open_in_other_directions_are_looked_along_each() -> None:
-    target_scan, source_scan, T = two_scans(steps(), 1)
+    target_scan, source_scan, T = stairs_pair(steps(), 1)
     target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
     there = settled_at(target, source, T)[0]
     near, far, farthest = (
@@ -181,7 +160,7 @@ def test_poses_far_apart_or_open_in_other_directions_are_looked_along_each() -> 
 
 
 def test_a_pose_turned_a_little_about_the_surface_still_lies_along_another() -> None:
-    target_scan, source_scan, T = two_scans(steps(), 1)
+    target_scan, source_scan, T = stairs_pair(steps(), 1)
     target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
     there = settled_at(target, source, T)[0]
     turn = Rotation.from_rotvec(np.deg2rad([1.5, 0.0, 0.0])).as_matrix()
@@ -197,7 +176,7 @@ def test_a_pose_turned_a_little_about_the_surface_still_lies_along_another() -> 
 
 
 def test_of_poses_alike_the_one_that_leaves_least_open_stands_for_them() -> None:
-    target_scan, source_scan, T = two_scans(steps(), 1)
+    target_scan, source_scan, T = stairs_pair(steps(), 1)
     target, source = (describe(scan, PARAMS) for scan in (target_scan, source_scan))
     slid = settled_at(target, source, T)[0]
     known = slid._replace(sure=slid.sure + np.eye(6), score=0.5 * slid.score)
