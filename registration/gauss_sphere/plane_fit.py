@@ -13,9 +13,10 @@ from registration.scan import BoolArray, FloatArray
 NARROWEST_MM = 0.1  # standard deviation across a patch
 TILT_RAD = 1e-3  # by which a plane is tilted to see how its bias follows
 PROBED = 64  # beams of a sample that tell it
-# A last step that moves points by more than this, as a mean square in variances, shows points of
-# other planes in the sample: other points belong then, and so many steps more may be taken.
-FAR2, MORE_ROUNDS = 0.05, 2
+# Points of other planes in the sample put a plane to where some of them belong to it. This is told
+# by the squared length of the last step in standard deviations, 3 times the beams over those of the
+# sample else, or by the share that does not belong; and up to so many more steps are taken.
+FAR2, MOST_LEFT_OUT, MORE_ROUNDS = 9.0, 0.015, 2
 LEAST_REST = 0.25  # determinant of what a tilt leaves of itself when the bias has followed it
 
 
@@ -70,8 +71,9 @@ def fit_plane(
             return False
         solve_symmetric3(g, step)
         moved2 = step[0] * g[0, 3] + step[1] * g[1, 3] + step[2] * g[2, 3]
-        if turn == last and last < rounds + MORE_ROUNDS and moved2 > FAR2 * moments[0]:
-            last += 1
+        if turn == last and last < rounds + MORE_ROUNDS:
+            n, of_sample = beams.shape[1], sample.shape[1]
+            last += _is_unsettled(moved2, moments[0], n, of_sample, turn > rounds)
         if follows and turn == 0:
             some = sample[:, :PROBED].copy()
             _take_following(
@@ -88,6 +90,14 @@ def fit_plane(
         turn += 1
     _turn_tangents(plane, e, f)
     return True
+
+
+@compiled
+def _is_unsettled(moved2: float, n_kept: float, n: int, of_sample: int, again: bool) -> bool:
+    """Whether other beams may belong after a step from the plane of a sample, or again from all."""
+    if again:
+        return moved2 > FAR2
+    return bool(moved2 > FAR2 * n / of_sample or n_kept < (1.0 - MOST_LEFT_OUT) * n)
 
 
 @compiled
