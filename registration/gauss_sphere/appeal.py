@@ -13,13 +13,18 @@ import numpy as np
 
 from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.coinciding import information_of
-from registration.gauss_sphere.decision import is_thin
+from registration.gauss_sphere.decision import agreeing_planes, is_thin
 from registration.gauss_sphere.looking_along import carried_back, starts_along
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.misfits import without_misfits
-from registration.gauss_sphere.open_directions import centre_of, open_directions_of, open_units
+from registration.gauss_sphere.open_directions import (
+    centre_of,
+    is_elsewhere,
+    open_directions_of,
+    open_units,
+)
 from registration.gauss_sphere.outlines import Ends, Outlines, as_ends, moved_outlines
-from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
+from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, OutlineParams
 from registration.gauss_sphere.refine import distances2, likelihood
 from registration.gauss_sphere.small_matrices import apply_step
 from registration.gauss_sphere.testimony import ANY_WAY, said
@@ -76,6 +81,35 @@ def appealed(
     if is_thin(poses[first], target, source, params.decision):
         return []
     return [poses[k] for k in left]
+
+
+def outscoring(
+    settled: list[Settled],
+    answer: Settled,
+    target: View,
+    source: View,
+    params: DecisionParams,
+) -> list[Settled]:
+    """Those of the settled poses that speak against another one that ends of faces prefer.
+
+    They are of higher score, and nearly as many planes agree on them. Ends deny the true pose where
+    a thing was moved or taken away between the scans, and confirm one a period off.
+    """
+    least = agreeing_planes(answer, target, params) - 1
+    return [
+        pose
+        for pose in settled
+        if pose.score > answer.score
+        and agreeing_planes(pose, target, params) >= least
+        and len(different([pose, answer], source, params)) == 2
+        and _is_no_shift_of(answer, pose, target, params)
+    ]
+
+
+def _is_no_shift_of(answer: Settled, pose: Settled, target: View, params: DecisionParams) -> bool:
+    """Whether an answer lies elsewhere than along what a pose leaves open."""
+    left_open = open_directions_of(pose, target, params)
+    return not left_open.size or is_elsewhere(answer, pose, left_open, target, params)
 
 
 def _settling_all(n: int, params: GaussSphereParams) -> GaussSphereParams:

@@ -105,8 +105,13 @@ def shortcoming(best: Settled, target: View, source: View, params: DecisionParam
 def has_sure_planes(pose: Settled, target: View, params: DecisionParams) -> bool:
     """Whether as many planes agree on a pose as those of other places hardly do."""
     agreeing = agreeing_planes(pose, target, params)
-    plain = pose.areas[CONTRADICTION] <= params.plain_contradiction * pose.areas[SUPPORT]
-    return agreeing >= params.sure_planes or bool(plain and agreeing == params.sure_planes - 1)
+    enough = params.sure_planes - 1 if is_plain(pose, params) else params.sure_planes
+    return agreeing >= enough
+
+
+def is_plain(pose: Settled, params: DecisionParams) -> bool:
+    """Whether a pose puts next to nothing in free space."""
+    return bool(pose.areas[CONTRADICTION] <= params.plain_contradiction * pose.areas[SUPPORT])
 
 
 def is_thin(pose: Settled, target: View, source: View, params: DecisionParams) -> bool:
@@ -229,8 +234,8 @@ def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) 
         return False
     agreeing = agreeing_planes(pose, target, params)
     planes = agreeing_planes(best, target, params)
-    plain = pose.areas[CONTRADICTION] <= params.plain_contradiction * pose.areas[SUPPORT]
-    if planes < params.sure_planes - 1 or (plain and planes < params.sure_planes):
+    few = planes < params.sure_planes
+    if few and (planes < params.sure_planes - 1 or is_plain(pose, params)):
         return agreeing >= planes - 1
     if agreeing < max(params.sure_planes - 1, params.repeat_planes * planes):
         return False

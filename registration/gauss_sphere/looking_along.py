@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from registration.gauss_sphere.matching import Settled, different
-from registration.gauss_sphere.open_directions import centre_of, open_directions_of
+from registration.gauss_sphere.open_directions import open_shift
 from registration.gauss_sphere.outlines import Ends
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.patches import middle
@@ -46,7 +46,7 @@ def carried_back(
     params: GaussSphereParams,
 ) -> Settled:
     """The pose, near by where ends confirm it: planes move it along a shift they hardly know."""
-    how, along = params.outlines, _open_shift(pose, target, params)
+    how, along = params.outlines, open_shift(pose, target, params.decision)
     if along is None:
         return pose
     shifts_mm, worth = _worth_along(pose, along, how.carried_mm, target, source, ends, how)
@@ -71,7 +71,7 @@ def _to_look_along(
     """
     looked_for, near_mm = list[tuple[Settled, FloatArray]](), 0.5 * params.outlines.slide_mm
     for pose in settled:
-        along, known = _open_shift(pose, target, params), False
+        along, known = open_shift(pose, target, params.decision), False
         for other, other_along in looked_for:
             if along is not None and abs(along @ other_along) > ONE_WAY:
                 far_mm = _how_far_along(pose, other, other_along, source, params)
@@ -103,19 +103,6 @@ def _starts(
         found.append((pose.rotation, pose.shift_mm + shifts_mm[k] * along))
         worth[abs(shifts_mm - shifts_mm[k]) <= params.decision.distinct_mm] = 0
     return [*found, *here]
-
-
-def _open_shift(pose: Settled, target: View, params: GaussSphereParams) -> FloatArray | None:
-    """(3,) the direction of the shift that planes leave open, if that is all they leave open."""
-    open_directions = open_directions_of(pose, target, params.decision)
-    if open_directions.shape[0] != 1:
-        return None
-    turn, shift = open_directions[0, :3], open_directions[0, 3:]
-    along: FloatArray = shift + np.cross(turn, centre_of(pose, target))
-    length = np.linalg.norm(along)
-    if np.linalg.norm(turn) * params.decision.open_mm > length * params.decision.open_rad:
-        return None
-    return along / length
 
 
 def _how_far_along(

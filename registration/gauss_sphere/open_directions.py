@@ -47,6 +47,19 @@ def open_directions_of(pose: Settled, target: View, params: DecisionParams) -> F
     return uncertainty(pose, pose.sure, target, params)[1]
 
 
+def open_shift(pose: Settled, target: View, params: DecisionParams) -> FloatArray | None:
+    """(3,) the direction of the shift that planes leave open, if that is all they leave open."""
+    open_directions = open_directions_of(pose, target, params)
+    if open_directions.shape[0] != 1:
+        return None
+    turn, shift = open_directions[0, :3], open_directions[0, 3:]
+    along: FloatArray = shift + np.cross(turn, centre_of(pose, target))
+    length = np.linalg.norm(along)
+    if np.linalg.norm(turn) * params.open_mm > length * params.open_rad:
+        return None
+    return along / length
+
+
 def covariance_of(pose: Settled, target: View, params: DecisionParams) -> FloatArray | None:
     """Covariance of a pose, or None where its planes leave a direction open or none are known."""
     return uncertainty(pose, pose.sure, target, params)[0] if pose.pairs.size else None

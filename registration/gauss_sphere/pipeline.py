@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from registration.gauss_sphere.appeal import appealed
+from registration.gauss_sphere.appeal import appealed, outscoring
 from registration.gauss_sphere.beams import seems_turned_around
 from registration.gauss_sphere.bending import doubted, left_bias_mm, of_unknown_bias
 from registration.gauss_sphere.calibrated import read_known
@@ -22,9 +22,11 @@ from registration.gauss_sphere.decision import (
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.free_planes import judged_by_free_planes
+from registration.gauss_sphere.further_along import unsaid_along
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.misfits import without_misfits
 from registration.gauss_sphere.open_directions import covariance_of, sliding, widest_covariance_of
+from registration.gauss_sphere.outlines import as_ends
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
 from registration.gauss_sphere.symmetry import symmetric_rivals
@@ -121,11 +123,11 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     bias_mm = left_bias_mm(target, source, read_known(params.calibration), params.bending)
     if bias_mm > 0.0:
         settled[0] = doubted(settled[0], target.patches, source.patches, bias_mm, params)
-    settled, verdict = _judged(settled, target, source, bias_mm, params)
+    settled, verdict, further = _judged(settled, target, source, bias_mm, params)
     unsaid: tuple[str, ...] = ()
     if verdict.status == "ok":
         settled, verdict, unsaid = _unless_symmetric(
-            settled, verdict, target, source, bias_mm, params
+            settled, further, verdict, target, source, bias_mm, params
         )
     if bias_mm == 0.0 and not params.calibration:
         verdict = _of_unknown_bias(verdict, settled[0], target, source, params)
@@ -145,26 +147,37 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
 
 def _judged(
     settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
-) -> tuple[list[Settled], Verdict]:
-    """Judge poses by planes, and by outlines where planes leave doubt or ends of faces raise it."""
+) -> tuple[list[Settled], Verdict, list[Settled]]:
+    """Judge poses by planes, and by outlines where planes leave doubt or ends of faces raise it.
+
+    With them go poses further along, of which the scans say nothing but that they allow them.
+    """
     settled, verdict = judged_by_free_planes(settled, target, source, params)
     best = settled[0]
     pose, how, denied = (best.rotation, best.shift_mm, target, source), params.outlines, 0.0
     if verdict.status == "ok" and not is_doubtful(*pose, how):
-        return settled, verdict
+        return settled, verdict, []
     outlines = outlines_of(target, how), outlines_of(source, how)
     if verdict.status == "ok":
         denied = denied_share(*pose, outlines, how)
         if denied <= how.refuted_share:
-            return settled, verdict
+            return settled, verdict, []
     left = appealed(settled, target, source, outlines, bias_mm, params)
-    if left:
-        return judged_by_free_planes(left, target, source, params, appeal=True)
-    return settled, refuted(denied) if verdict.status == "ok" else verdict
+    if not left:
+        return settled, refuted(denied) if verdict.status == "ok" else verdict, []
+    left, verdict = judged_by_free_planes(left, target, source, params, appeal=True)
+    if verdict.status != "ok":
+        return left, verdict, []
+    better = outscoring(settled, left[0], target, source, params.decision)
+    if better:
+        return [*left, *better], questioned(verdict.covariance, left[0], better), []
+    ends = as_ends(outlines[0]), as_ends(outlines[1])
+    return left, verdict, unsaid_along(left[0], target, source, ends, params)
 
 
 def _unless_symmetric(
     settled: list[Settled],
+    further: list[Settled],
     verdict: Verdict,
     target: View,
     source: View,
@@ -174,10 +187,11 @@ def _unless_symmetric(
     """The verdict, "ambiguous" if few planes would have the best pose turned or further along, too.
 
     Then all poses are ordered anew: another one may fit better. With it goes a note on a pose of
-    which the scans say nothing more than that they allow it.
+    which the scans say nothing more than that they allow it, of those further along or others.
     """
     decision = params.decision
     rivals, unsaid = symmetric_rivals(settled, target, source, params)
+    unsaid = different([*further, *unsaid], source, decision)
     alike = different([settled[0], *rivals], source, decision)
     if len(alike) == 1:
         others = different([*unsaid, *settled[1:]], source, decision) if unsaid else settled[1:]
@@ -198,7 +212,7 @@ def _told(best: Settled, unsaid: list[Settled], least_rad: float) -> tuple[str, 
     turned, share = turn > least_rad, unsaid[0].score / best.score
     how = f"turned by {np.rad2deg(turn):.0f} degrees" if turned else f"moved by {moved_mm:.0f} mm"
     return (
-        f"{how}, the pose has {share:.0%} of its score, on few planes, and no end of a face says "
+        f"{how}, the pose has {share:.0%} of its score, and no end of a face says "
         "which is right: if the views may lie far apart, see the candidates",
     )
 

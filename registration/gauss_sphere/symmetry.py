@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from registration.gauss_sphere.decision import agreeing_patches, agreeing_planes
+from registration.gauss_sphere.decision import agreeing_patches, agreeing_planes, is_plain
 from registration.gauss_sphere.free_planes import has_free_plane
 from registration.gauss_sphere.matching import Settled, different, settle_best
 from registration.gauss_sphere.outlines import as_ends
@@ -21,12 +21,7 @@ from registration.gauss_sphere.placing import placed, placed_by_some
 from registration.gauss_sphere.telling_outlines import outlines_of
 from registration.gauss_sphere.testimony import ANY_WAY, said
 from registration.gauss_sphere.turning import REPEATED_MM, Turning, is_nearly_free, turned_poses
-from registration.gauss_sphere.verification import (
-    CONTRADICTION,
-    SUPPORT,
-    compared,
-    comparison,
-)
+from registration.gauss_sphere.verification import compared, comparison
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray
 
@@ -193,8 +188,7 @@ def _scored(pose: Settled, target: View, source: View, params: GaussSphereParams
 
 def _allowed(pose: Settled, best: Settled, params: DecisionParams) -> bool:
     """Whether a pose lays enough surface on surface, and next to nothing in free space."""
-    free = pose.areas[CONTRADICTION] <= params.plain_contradiction * pose.areas[SUPPORT]
-    return bool(free and pose.score > params.repeat_share * best.score)
+    return is_plain(pose, params) and pose.score > params.repeat_share * best.score
 
 
 def _settled(
