@@ -55,6 +55,11 @@ def clutter(params: ClutterParams) -> Scene:
     Solids may run into each other: what is seen of them is exact all the same, and symmetric by
     accident only.
     """
+    return assemble("clutter", scattered_solids(params))
+
+
+def scattered_solids(params: ClutterParams) -> list[Solid]:
+    """The solids of the clutter, floor and wall first."""
     rng = np.random.default_rng(params.seed)
     places_m = _places(params.solids, params.spread_mm / 2000.0, rng)
     scattered = [_random_solid(i, place_m, params, rng) for i, place_m in enumerate(places_m)]
@@ -64,7 +69,7 @@ def clutter(params: ClutterParams) -> Scene:
     corners_m = np.concatenate([s.polygon_m for solid in scattered for s in solid.surfaces()])
     wall_m = ((corners_m @ backwards).max() + WALL_GAP_M + 0.5 * WALL_SIZE_M[0]) * backwards
     wall = box("wall", WALL_SIZE_M, wall_m, wall_turn, "white_paper")
-    return assemble("clutter", [floor, wall, *scattered])
+    return [floor, wall, *scattered]
 
 
 def _places(count: int, half_m: float, rng: np.random.Generator) -> FloatArray:
