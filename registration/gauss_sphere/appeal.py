@@ -93,7 +93,8 @@ def outscoring(
     """Those of the settled poses that speak against another one that ends of faces prefer.
 
     They are of higher score, and nearly as many planes agree on them. Ends deny the true pose where
-    a thing was moved or taken away between the scans, and confirm one a period off.
+    a thing was moved or taken away between the scans, and confirm one a period off. A pose that was
+    only to be shifted along what its planes leave open speaks against it by much more surface.
     """
     least = agreeing_planes(answer, target, params) - 1
     return [
@@ -102,14 +103,17 @@ def outscoring(
         if pose.score > answer.score
         and agreeing_planes(pose, target, params) >= least
         and len(different([pose, answer], source, params)) == 2
-        and _is_no_shift_of(answer, pose, target, params)
+        and not (
+            answer.score > params.rival_share * pose.score
+            and _is_shift_of(answer, pose, target, params)
+        )
     ]
 
 
-def _is_no_shift_of(answer: Settled, pose: Settled, target: View, params: DecisionParams) -> bool:
-    """Whether an answer lies elsewhere than along what a pose leaves open."""
+def _is_shift_of(answer: Settled, pose: Settled, target: View, params: DecisionParams) -> bool:
+    """Whether an answer is a pose moved along what its planes leave open."""
     left_open = open_directions_of(pose, target, params)
-    return not left_open.size or is_elsewhere(answer, pose, left_open, target, params)
+    return bool(left_open.size) and not is_elsewhere(answer, pose, left_open, target, params)
 
 
 def _settling_all(n: int, params: GaussSphereParams) -> GaussSphereParams:

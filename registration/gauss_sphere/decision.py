@@ -70,6 +70,18 @@ def questioned(covariance: FloatArray | None, best: Settled, rivals: list[Settle
     )
 
 
+def preferred(covariance: FloatArray | None, answer: Settled, better: list[Settled]) -> Verdict:
+    """What is left of an answer that ends of faces prefer to poses of higher score, best first."""
+    return Verdict(
+        "ambiguous",
+        "ends of faces prefer the first pose, and more surface another, on which nearly as many "
+        f"planes agree: it scores {better[0].score / answer.score:.0%} of the first; a thing may "
+        "have been moved between the scans, or each view sees another of like things",
+        "decision",
+        covariance,
+    )
+
+
 def _others(best: Settled, rivals: list[Settled]) -> str:
     """What to say besides of other poses that fit about as well, the best of them first."""
     if not rivals:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.decision import is_plain
 from registration.gauss_sphere.free_planes import has_free_plane
 from registration.gauss_sphere.matching import Settled, floors_of
@@ -22,18 +23,26 @@ from registration.gauss_sphere.view import View
 from registration.scan import FloatArray
 
 REACH = 2.0  # of OutlineParams.slide_mm
-LOOKED_AT, STEP_MM = 6, 40.0  # places to each side, the nearest ones that lie so far apart
+LOOKED_AT, APART_MM = 6, 40.0  # places to each side, the nearest that lie so far apart
 
 
 def unsaid_along(
-    best: Settled, target: View, source: View, ends: tuple[Ends, Ends], params: GaussSphereParams
+    best: Settled,
+    target: View,
+    source: View,
+    ends: tuple[Ends, Ends],
+    bias_mm: float,
+    params: GaussSphereParams,
 ) -> list[Settled]:
     """The best pose moved along the one shift that planes leave open, where the scans allow it.
 
-    They do if it keeps decision.repeat_share of its score, with next to nothing and no plane in
-    free space, and ends of faces say too little to tell. At most one pose, of most score.
+    They do if it keeps decision.repeat_share of its score, with next to nothing in free space and
+    no plane, unless the best pose has one there, and ends of faces say too little to tell. At most
+    one pose, of most score.
+    bias_mm: what is seen of a bias of the planes.
     """
-    along = open_shift(_by_planes(best, target, source, params), target, params.decision)
+    by_planes = _by_planes(best, target, source, bias_mm, params)
+    along = open_shift(by_planes, target, params.decision)
     if along is None:
         return []
     found = list[Settled]()
@@ -52,14 +61,19 @@ def unsaid_along(
     return [pose for pose in found if not has_free_plane(pose, target, source, params)][:1]
 
 
-def _by_planes(pose: Settled, target: View, source: View, params: GaussSphereParams) -> Settled:
+def _by_planes(
+    pose: Settled, target: View, source: View, bias_mm: float, params: GaussSphereParams
+) -> Settled:
     """The pose, as sure as its planes alone make it."""
     r, t, information, sure = pose.rotation.copy(), pose.shift_mm.copy(), *np.zeros((2, 6, 6))
     make_likely(
         target.patches, source.patches, pose.pairs, likelihood(params.refine), floors_of(params),
         r, t, information, sure, np.empty(len(pose.pairs)),
     )  # fmt: skip
-    return pose._replace(information=information, sure=sure)
+    alone = pose._replace(information=information, sure=sure)
+    if bias_mm > 0.0:
+        alone = doubted(alone, target.patches, source.patches, bias_mm, params)
+    return alone
 
 
 def _silent(
@@ -78,11 +92,11 @@ def _silent(
     silent = (confirmed + denied < how.least) & (denied <= how.denied_share * how.least)
     looked_at = list[float]()
     for way in (-1.0, 1.0):
-        there = way * shifts_mm[silent & (way * shifts_mm > STEP_MM)]
+        there = way * shifts_mm[silent & (way * shifts_mm >= APART_MM)]
         there.sort()
         last, left = 0.0, LOOKED_AT
         for shift_mm in there:
-            if left and shift_mm >= last + STEP_MM:
+            if left and shift_mm >= last + APART_MM:
                 looked_at.append(way * shift_mm)
                 last, left = shift_mm, left - 1
     return np.array(looked_at)

@@ -43,7 +43,7 @@ class PatchParams(Checked):
     min_profiles, min_points: smaller patches are dropped.
     gate_sigma: points farther from their plane lose their label.
     fit_rounds: Gauss-Newton steps of a fit on all points, one at least, after one on a sample;
-        more where the last one moves the plane far.
+        up to two more where one moves the plane far or leaves beams out: see plane_fit.py.
     edge_pixels: points at both ends of a segment that are left out: the laser spot lies across.
     bias_rounds: turns in which a plane and its bias settle, on a sample of its points.
     """

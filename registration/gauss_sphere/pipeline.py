@@ -16,6 +16,7 @@ from registration.gauss_sphere.decision import (
     Verdict,
     answered,
     is_weak,
+    preferred,
     questioned,
     refuted,
 )
@@ -170,9 +171,10 @@ def _judged(
         return left, verdict, []
     better = outscoring(settled, left[0], target, source, params.decision)
     if better:
-        return [*left, *better], questioned(verdict.covariance, left[0], better), []
+        others = different([*left[1:], *better], source, params.decision)
+        return [left[0], *others], preferred(verdict.covariance, left[0], better), []
     ends = as_ends(outlines[0]), as_ends(outlines[1])
-    return left, verdict, unsaid_along(left[0], target, source, ends, params)
+    return left, verdict, unsaid_along(left[0], target, source, ends, bias_mm, params)
 
 
 def _unless_symmetric(

@@ -268,14 +268,14 @@ def fitted_to(beams: np.ndarray, rounds: int) -> tuple[np.ndarray, np.ndarray]:
     return plane[:3], tilts.T @ np.linalg.inv(np.linalg.inv(information)[:2, :2]) @ tilts
 
 
-@pytest.mark.parametrize("share", [0.1, 0.2])
+@pytest.mark.parametrize("share", [0.2, 0.5])
 @pytest.mark.parametrize("seed", range(5))
 def test_points_of_another_plane_in_the_sample_do_not_tilt_the_fit(seed: int, share: float) -> None:
-    """Fitted once, it lies within its own noise of where more and more steps take it."""
+    """Fitted once, it lies within two deviations of where more and more steps take it."""
     beams = beside_a_step(seed, share)
     (normal, sure), (settled, _) = (fitted_to(beams, rounds) for rounds in (1, 20))
     away = normal - settled
-    assert away @ sure @ away < 1.0
+    assert away @ sure @ away < 4.0
 
 
 def test_a_step_is_lengthened_to_where_the_bias_has_followed_it() -> None:
