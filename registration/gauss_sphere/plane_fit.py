@@ -14,9 +14,9 @@ NARROWEST_MM = 0.1  # standard deviation across a patch
 TILT_RAD = 1e-3  # by which a plane is tilted to see how its bias follows
 PROBED = 64  # beams of a sample that tell it
 # Points of other planes in the sample put a plane to where some of them belong to it. This is told
-# by the squared length of the first step on all beams, in standard deviations: 3 times the beams
-# over those of the sample is usual, three times that far; or by the share of beams that do not
-# belong. Up to so many more steps are taken, as long as one is far.
+# by the square of the last step on all beams, in variances: 3 times the beams over those of the
+# sample is usual, three times as much is far; or by the share of beams that do not belong. Up to so
+# many more steps are taken, as long as one is far.
 FAR2, MOST_LEFT_OUT, MORE_ROUNDS = 9.0, 0.015, 2
 LEAST_REST = 0.25  # determinant of what a tilt leaves of itself when the bias has followed it
 
@@ -95,7 +95,7 @@ def fit_plane(
 
 @compiled
 def _is_unsettled(moved2: float, n_kept: float, n: int, of_sample: int, again: bool) -> bool:
-    """Whether other beams may belong after a first step on all of them, or after another one."""
+    """Whether other beams may belong after the last of the steps, or after one more."""
     if again:
         return moved2 > FAR2
     return bool(moved2 > FAR2 * n / of_sample or n_kept < (1.0 - MOST_LEFT_OUT) * n)
