@@ -167,8 +167,8 @@ def outcome(result: RegistrationResult, T_exact: RigidTransform) -> dict[str, ob
 def counted(rows: Sequence[dict[str, object]]) -> list[object]:
     """The columns of a table for some rows."""
     of = {name: [r for r in rows if r["outcome"] == name] for name in ("right", "wrong", *STATUSES)}
-    right = of["right"]
-    inside = squared_distances(pd.DataFrame(right)) <= chi2(6).ppf(0.99) if right else np.array([])
+    right = pd.DataFrame(of["right"], columns=["error_mm", "covariance", "T_estimated", "T_exact"])
+    inside = squared_distances(right) <= chi2(6).ppf(0.99)
     return [
         len(rows),
         *(
@@ -177,8 +177,8 @@ def counted(rows: Sequence[dict[str, object]]) -> list[object]:
             for count in (len(of[name]), sum(bool(r["doubt"]) for r in of[name]))
         ),
         *(len(of[name]) for name in STATUSES),
-        f"{np.median([r['error_mm'] for r in right]):.2f}" if right else "",  # type: ignore[misc]
-        f"{inside.mean():.1%}" if right else "",
+        f"{right['error_mm'].median():.2f}" if len(right) else "",
+        f"{inside.mean():.1%}" if len(right) else "",
     ]
 
 

@@ -15,7 +15,7 @@ from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.coinciding import information_of
 from registration.gauss_sphere.decision import agreeing_planes, is_thin
 from registration.gauss_sphere.looking_along import carried_back, starts_along
-from registration.gauss_sphere.matching import Settled, different, settle_best
+from registration.gauss_sphere.matching import Settled, different, scored, settle_best
 from registration.gauss_sphere.misfits import without_misfits
 from registration.gauss_sphere.open_directions import (
     centre_of,
@@ -28,7 +28,6 @@ from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, 
 from registration.gauss_sphere.refine import distances2, likelihood
 from registration.gauss_sphere.small_matrices import apply_step
 from registration.gauss_sphere.testimony import ANY_WAY, said
-from registration.gauss_sphere.verification import compared
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray
 
@@ -226,18 +225,14 @@ def _fixed(
             new_r, new_t = np.empty((3, 3)), np.empty(3)
             apply_step(step, r, t, new_r, new_t)
             r, t = new_r, new_t
-    areas, score = compared(
-        target, source, r, t, params.match.tolerances_mm[-1], params.verification
-    )
     moved_there = pose._replace(
         rotation=r,
         shift_mm=t,
         sure=sure + information,
         information=known + information,
         distance2=distances2(*planes, pose.pairs, likely, pose.floor_mm, r, t),
-        areas=areas,
-        score=score,
     )
+    moved_there = scored(moved_there, target, source, params)
     ends = as_ends(of_target), as_ends(of_source)
     for confirmed, denied in _said_across(moved_there, open_directions, target, source, ends, how):
         if confirmed < how.least or denied > how.denied_share * (confirmed + denied):

@@ -30,16 +30,25 @@ def judged_by_free_planes(
     params: GaussSphereParams,
     appeal: bool = False,
 ) -> tuple[list[Settled], Verdict]:
-    """Judge poses; if several could be, only those that put no plane where nothing was seen.
+    """Judge poses; if several could be, only those that put no plane where nothing was seen."""
+    verdict = judge(settled, target, source, params.decision, appeal)
+    if verdict.status != "ambiguous":
+        return settled, verdict
+    best, *others = settled
+    left = [best, *without_free_planes(others, best, target, source, params)]
+    return left, judge(left, target, source, params.decision, appeal)
+
+
+def without_free_planes(
+    poses: list[Settled], best: Settled, target: View, source: View, params: GaussSphereParams
+) -> list[Settled]:
+    """The poses that put no plane where nothing was seen.
 
     All of them if the best does: then a thing was moved between the scans, and says nothing.
     """
-    verdict, best = judge(settled, target, source, params.decision, appeal), settled[0]
-    if verdict.status != "ambiguous" or has_free_plane(best, target, source, params):
-        return settled, verdict
-    others = [pose for pose in settled[1:] if not has_free_plane(pose, target, source, params)]
-    left = [best, *others]
-    return left, judge(left, target, source, params.decision, appeal)
+    if has_free_plane(best, target, source, params):
+        return poses
+    return [pose for pose in poses if not has_free_plane(pose, target, source, params)]
 
 
 def has_free_plane(pose: Settled, target: View, source: View, params: GaussSphereParams) -> bool:

@@ -10,15 +10,14 @@ import numpy as np
 
 from registration.gauss_sphere.bending import doubted
 from registration.gauss_sphere.decision import is_plain
-from registration.gauss_sphere.free_planes import has_free_plane
-from registration.gauss_sphere.matching import Settled, floors_of
+from registration.gauss_sphere.free_planes import without_free_planes
+from registration.gauss_sphere.matching import Settled, floors_of, scored
 from registration.gauss_sphere.open_directions import open_shift
 from registration.gauss_sphere.outlines import Ends
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.refine import likelihood
 from registration.gauss_sphere.settling import make_likely
 from registration.gauss_sphere.testimony import said_along
-from registration.gauss_sphere.verification import compared
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray
 
@@ -47,18 +46,13 @@ def unsaid_along(
         return []
     found = list[Settled]()
     for shift_mm in _silent(best, along, target, source, ends, params):
-        t = best.shift_mm + shift_mm * along
-        areas, score = compared(
-            target, source, best.rotation, t, params.match.tolerances_mm[-1], params.verification
-        )
-        there = best._replace(shift_mm=t, areas=areas, score=score)
-        enough = score > params.decision.repeat_share * best.score
+        moved = best._replace(shift_mm=best.shift_mm + shift_mm * along)
+        there = scored(moved, target, source, params)
+        enough = there.score > params.decision.repeat_share * best.score
         if enough and is_plain(there, params.decision):
             found.append(there)
     found.sort(key=lambda pose: -pose.score)
-    if has_free_plane(best, target, source, params):
-        return found[:1]
-    return [pose for pose in found if not has_free_plane(pose, target, source, params)][:1]
+    return without_free_planes(found, best, target, source, params)[:1]
 
 
 def _by_planes(

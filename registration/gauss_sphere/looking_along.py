@@ -6,13 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from registration.gauss_sphere.matching import Settled, different
+from registration.gauss_sphere.matching import Settled, different, scored
 from registration.gauss_sphere.open_directions import open_shift
 from registration.gauss_sphere.outlines import Ends
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.patches import middle
 from registration.gauss_sphere.testimony import said_along
-from registration.gauss_sphere.verification import compared
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray
 
@@ -55,10 +54,7 @@ def carried_back(
     most = np.flatnonzero(worth == worth.max())
     nearest = int(most[abs(shifts_mm[most]).argmin()])
     t = pose.shift_mm + shifts_mm[_middle_of_run(worth, nearest)] * along
-    areas, score = compared(
-        target, source, pose.rotation, t, params.match.tolerances_mm[-1], params.verification
-    )
-    return pose._replace(shift_mm=t, areas=areas, score=score)
+    return scored(pose._replace(shift_mm=t), target, source, params)
 
 
 def _to_look_along(

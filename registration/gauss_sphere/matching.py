@@ -14,7 +14,7 @@ from registration.gauss_sphere.poses import are_same
 from registration.gauss_sphere.refine import likelihood
 from registration.gauss_sphere.settling import Effort, settle_all
 from registration.gauss_sphere.translation import search_of
-from registration.gauss_sphere.verification import comparison
+from registration.gauss_sphere.verification import compared, comparison
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray
 
@@ -114,6 +114,15 @@ def different(poses: list[Settled], source: View, params: DecisionParams) -> lis
         if not any(known):
             kept.append(one)
     return kept
+
+
+def scored(pose: Settled, target: View, source: View, params: GaussSphereParams) -> Settled:
+    """The pose with what the scans say of it where it is now."""
+    areas, score = compared(
+        target, source, pose.rotation, pose.shift_mm, params.match.tolerances_mm[-1],
+        params.verification,
+    )  # fmt: skip
+    return pose._replace(areas=areas, score=score)
 
 
 def floors_of(params: GaussSphereParams) -> FloatArray:

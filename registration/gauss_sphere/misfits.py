@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from registration.gauss_sphere.decision import agreeing_planes
-from registration.gauss_sphere.matching import Settled, floors_of
+from registration.gauss_sphere.matching import Settled, floors_of, scored
 from registration.gauss_sphere.open_directions import open_directions_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.refine import likelihood
 from registration.gauss_sphere.settling import make_likely
-from registration.gauss_sphere.verification import compared
 from registration.gauss_sphere.view import View
 
 LEAST_FITTING = 2.0 / 3.0  # of the pairs: poses that are turned by a like thing lose more
@@ -36,10 +35,8 @@ def without_misfits(
         target.patches, source.patches, pairs, likelihood(params.refine), floors_of(params),
         r, t, information, sure, distance2,
     )  # fmt: skip
-    areas, score = compared(
-        target, source, r, t, params.match.tolerances_mm[-1], params.verification
-    )
-    fitting = Settled(r, t, information, sure, floor_mm, pairs, distance2, areas, score)
+    fitting = Settled(r, t, information, sure, floor_mm, pairs, distance2, pose.areas, pose.score)
+    fitting = scored(fitting, target, source, params)
     if agreeing_planes(fitting, target, params.decision) < params.decision.sure_planes:
         return pose
     return pose if open_directions_of(fitting, target, params.decision).size else fitting

@@ -14,14 +14,14 @@ import numpy as np
 
 from registration.gauss_sphere.decision import agreeing_patches, agreeing_planes, is_plain
 from registration.gauss_sphere.free_planes import has_free_plane
-from registration.gauss_sphere.matching import Settled, different, settle_best
+from registration.gauss_sphere.matching import Settled, different, scored, settle_best
 from registration.gauss_sphere.outlines import as_ends
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
 from registration.gauss_sphere.placing import placed, placed_by_some
 from registration.gauss_sphere.telling_outlines import outlines_of
 from registration.gauss_sphere.testimony import ANY_WAY, said
 from registration.gauss_sphere.turning import REPEATED_MM, Turning, is_nearly_free, turned_poses
-from registration.gauss_sphere.verification import compared, comparison
+from registration.gauss_sphere.verification import comparison
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray
 
@@ -82,7 +82,7 @@ def symmetric_rivals(
         t, confirmed, denied = placed(
             target, source, ends, pose.rotation, pose.shift_mm, along, how
         )
-        there = _scored(pose._replace(shift_mm=t), target, source, params)
+        there = scored(pose._replace(shift_mm=t), target, source, params)
         if not _allowed(there, best, decision):
             continue
         if unmoved and has_free_plane(there, target, source, params):
@@ -175,15 +175,6 @@ def _worth_asking(
 
 def _largest(patches: IntArray, view: View) -> int:
     return int(patches[view.patches.area_mm2[patches].argmax()])
-
-
-def _scored(pose: Settled, target: View, source: View, params: GaussSphereParams) -> Settled:
-    """The pose with what the scans say of it."""
-    areas, score = compared(
-        target, source, pose.rotation, pose.shift_mm, params.match.tolerances_mm[-1],
-        params.verification,
-    )  # fmt: skip
-    return pose._replace(areas=areas, score=score)
 
 
 def _allowed(pose: Settled, best: Settled, params: DecisionParams) -> bool:
