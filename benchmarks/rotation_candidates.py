@@ -27,15 +27,15 @@ from tabulate import tabulate  # noqa: E402
 
 from harness.scoring import FINE  # noqa: E402
 from registration import register  # noqa: E402
-from registration.gauss_sphere.describing import describe  # noqa: E402
-from registration.gauss_sphere.evidence import PlaneEvidence  # noqa: E402
-from registration.gauss_sphere.params import RotationParams  # noqa: E402
-from registration.gauss_sphere.patches import Patches  # noqa: E402
-from registration.gauss_sphere.rotation import (  # noqa: E402
+from registration.gauss_sphere.candidates.rotation import (  # noqa: E402
     GaussSphere,
     gauss_sphere,
     rotation_candidates,
 )
+from registration.gauss_sphere.describing import describe  # noqa: E402
+from registration.gauss_sphere.evidence import PlaneEvidence  # noqa: E402
+from registration.gauss_sphere.params import RotationParams  # noqa: E402
+from registration.gauss_sphere.planes.patches import Patches  # noqa: E402
 
 FloatArray = NDArray[np.float64]
 Weigh = Callable[[Patches, float], GaussSphere]

@@ -14,9 +14,9 @@ from harness.execution import scan_view
 from harness.schema import AimedView
 from harness.scoring import exact_pose
 from harness.trials import Trial, TrialSpec
+from registration.gauss_sphere.candidates.translation import pose_candidates
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.translation import pose_candidates
 from registration.scan import FloatArray, Scan
 from registration.thesis.outcome import decide
 from registration.thesis.params import ThesisParams

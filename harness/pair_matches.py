@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from registration.gauss_sphere.candidates.rotation import gauss_sphere
 from registration.gauss_sphere.evidence import PlaneEvidence
-from registration.gauss_sphere.rotation import gauss_sphere
 from registration.scan import FloatArray, IntArray
 from registration.thesis.gauss_sphere import GaussSphere
 

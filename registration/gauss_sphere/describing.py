@@ -6,13 +6,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from registration.gauss_sphere.beams import Measured, fan_of, measured
-from registration.gauss_sphere.calibrated import Known, read_known
-from registration.gauss_sphere.growing import Growing, growing, grown
+from registration.gauss_sphere.fan.beams import Measured, fan_of, measured
+from registration.gauss_sphere.fan.calibrated import Known, read_known
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.patches import Fitting, fit_patches, fitting
-from registration.gauss_sphere.segments import Cutting, cutting, find_segments
-from registration.gauss_sphere.straightening import straightened
+from registration.gauss_sphere.planes.growing import Growing, growing, grown
+from registration.gauss_sphere.planes.patches import Fitting, fit_patches, fitting
+from registration.gauss_sphere.planes.segments import Cutting, cutting, find_segments
+from registration.gauss_sphere.planes.straightening import straightened
 from registration.gauss_sphere.view import View, places_of_samples, view_of
 from registration.kernels import compiled
 from registration.scan import IntArray, Scan

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from registration.gauss_sphere.beams import Fan, profiles_in_fan
+from registration.gauss_sphere.candidates.rotation import gauss_sphere, rotation_candidates
+from registration.gauss_sphere.candidates.translation import pose_candidates
+from registration.gauss_sphere.fan.beams import Fan, profiles_in_fan
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.patches import middle
-from registration.gauss_sphere.rotation import gauss_sphere, rotation_candidates
-from registration.gauss_sphere.segments import cutting, find_segments
-from registration.gauss_sphere.translation import pose_candidates
+from registration.gauss_sphere.planes.patches import middle
+from registration.gauss_sphere.planes.segments import cutting, find_segments
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IndexArray, IntArray, Scan
 

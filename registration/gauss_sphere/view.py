@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.patches import Patches, planes_in_beams
-from registration.gauss_sphere.points import GOLDEN_RATIO
+from registration.gauss_sphere.fan.beams import Fan
+from registration.gauss_sphere.planes.patches import Patches, planes_in_beams
+from registration.gauss_sphere.planes.points import GOLDEN_RATIO
 from registration.kernels import compiled
 from registration.scan import FloatArray, IndexArray, IntArray
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import fan_of, measured
 from registration.gauss_sphere.describing import describe
+from registration.gauss_sphere.fan.beams import fan_of, measured
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.scan import ScanError
 from scenes import SCENES

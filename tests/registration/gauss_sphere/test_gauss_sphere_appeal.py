@@ -22,14 +22,14 @@ from plane_scans import (
 from scipy.spatial.transform import RigidTransform
 
 from registration import register
-from registration.gauss_sphere.appeal import outscoring
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.further_along import unsaid_along
-from registration.gauss_sphere.matching import Settled, settle_best
-from registration.gauss_sphere.outlines import Ends, as_ends
+from registration.gauss_sphere.judging.appeal import outscoring
+from registration.gauss_sphere.judging.further_along import unsaid_along
+from registration.gauss_sphere.outlines.ends import Ends, as_ends
+from registration.gauss_sphere.outlines.telling import outlines_of
+from registration.gauss_sphere.outlines.testimony import said
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.telling_outlines import outlines_of
-from registration.gauss_sphere.testimony import said
+from registration.gauss_sphere.refinement.matching import Settled, settle_best
 from registration.gauss_sphere.view import View
 
 PARAMS = GaussSphereParams()

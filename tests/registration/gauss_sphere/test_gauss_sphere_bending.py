@@ -11,11 +11,11 @@ from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair, plates_from, scan_pl
 
 from registration import RegistrationResult, Scan, register
 from registration.calibration import Calibration, Table
-from registration.gauss_sphere import free_planes
-from registration.gauss_sphere.bending import PARABOLA_MM, bending, doubted
-from registration.gauss_sphere.calibrated import NOTHING_KNOWN, read_known
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import PlaneEvidence
+from registration.gauss_sphere.fan.calibrated import NOTHING_KNOWN, read_known
+from registration.gauss_sphere.judging import free_planes
+from registration.gauss_sphere.judging.bending import PARABOLA_MM, bending, doubted
 from registration.gauss_sphere.params import GaussSphereParams, WholePlaneParams
 
 SEEDS = (1, 2, 3)

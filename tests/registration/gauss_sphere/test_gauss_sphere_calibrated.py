@@ -12,12 +12,12 @@ from plane_scans import Plates, plates_from, scan_plates
 
 from registration import Scan, register
 from registration.calibration import Calibration, CalibrationError, Table
-from registration.gauss_sphere.beams import Fan
-from registration.gauss_sphere.calibrated import bias_and_noise, known_of, read_known
 from registration.gauss_sphere.describing import describe
+from registration.gauss_sphere.fan.beams import Fan
+from registration.gauss_sphere.fan.calibrated import bias_and_noise, known_of, read_known
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.points import Grouped
-from registration.gauss_sphere.straightening import straightened
+from registration.gauss_sphere.planes.points import Grouped
+from registration.gauss_sphere.planes.straightening import straightened
 from registration.gauss_sphere.view import View
 
 DEPTH_MM = np.linspace(200.0, 1200.0, 11)

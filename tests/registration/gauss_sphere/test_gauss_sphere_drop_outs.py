@@ -9,9 +9,9 @@ import pytest
 from plane_scans import clutter_pair, plates_from, pose_error, random_clutter, scan_plates
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import fan_of, measured
-from registration.gauss_sphere.depth_noise import depth_noise
 from registration.gauss_sphere.describing import describe
+from registration.gauss_sphere.fan.beams import fan_of, measured
+from registration.gauss_sphere.fan.depth_noise import depth_noise
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.view import DEPTH, NEAREST, PATCH
 

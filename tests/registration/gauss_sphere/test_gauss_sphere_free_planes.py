@@ -19,9 +19,9 @@ from scipy.spatial.transform import RigidTransform
 
 from registration import register
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.free_planes import has_free_plane
-from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.judging.free_planes import has_free_plane
 from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.refinement.matching import Settled, settle_best
 from registration.gauss_sphere.view import View
 
 PARAMS = GaussSphereParams()

@@ -20,21 +20,21 @@ from plane_scans import (
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import register
-from registration.gauss_sphere.appeal import _surest
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.looking_along import (
+from registration.gauss_sphere.judging.appeal import _surest
+from registration.gauss_sphere.judging.looking_along import (
     _how_far_along,
     _middle_of_run,
     _to_look_along,
     starts_along,
 )
-from registration.gauss_sphere.matching import Settled, settle_best
-from registration.gauss_sphere.open_directions import open_directions_of
-from registration.gauss_sphere.outlines import as_ends, found_outlines
+from registration.gauss_sphere.judging.open_directions import open_directions_of
+from registration.gauss_sphere.outlines.ends import as_ends, found_outlines
+from registration.gauss_sphere.outlines.telling import _some_of_each_direction, outlines_of
+from registration.gauss_sphere.outlines.testimony import said, said_along
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
-from registration.gauss_sphere.patches import middle
-from registration.gauss_sphere.telling_outlines import _some_of_each_direction, outlines_of
-from registration.gauss_sphere.testimony import said, said_along
+from registration.gauss_sphere.planes.patches import middle
+from registration.gauss_sphere.refinement.matching import Settled, settle_best
 from registration.gauss_sphere.view import View
 
 PARAMS, HOW = GaussSphereParams(), OutlineParams()

@@ -17,7 +17,7 @@ from plane_scans import (
 )
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import Fan, fan_of, measured, seems_turned_around
+from registration.gauss_sphere.fan.beams import Fan, fan_of, measured, seems_turned_around
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ import pytest
 from plane_scans import clutter_pair
 
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.matching import Settled, settle_best
-from registration.gauss_sphere.misfits import without_misfits
-from registration.gauss_sphere.open_directions import open_directions_of
+from registration.gauss_sphere.judging.misfits import without_misfits
+from registration.gauss_sphere.judging.open_directions import open_directions_of
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.refine import distances2, likelihood
+from registration.gauss_sphere.refinement.matching import Settled, settle_best
+from registration.gauss_sphere.refinement.refine import distances2, likelihood
 from registration.gauss_sphere.view import View
 
 PARAMS = GaussSphereParams()

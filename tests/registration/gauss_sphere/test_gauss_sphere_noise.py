@@ -12,8 +12,8 @@ from plane_scans import APEX_BEHIND_MM, Pair, clutter_pair, pose_error, random_c
 from scipy.stats import chi2
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import fan_of, measured
-from registration.gauss_sphere.depth_noise import _smoothed_by
+from registration.gauss_sphere.fan.beams import fan_of, measured
+from registration.gauss_sphere.fan.depth_noise import _smoothed_by
 
 EDGE_MM = 10.0  # points farther off in depth are of another face
 Smoothing = Callable[[np.ndarray], np.ndarray]

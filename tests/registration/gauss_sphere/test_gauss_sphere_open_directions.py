@@ -21,9 +21,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import RegistrationResult, register
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.matching import settle_best
-from registration.gauss_sphere.open_directions import is_elsewhere, uncertainty
+from registration.gauss_sphere.judging.open_directions import is_elsewhere, uncertainty
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, RefineParams
+from registration.gauss_sphere.refinement.matching import settle_best
 
 
 def in_room(place_mm: np.ndarray) -> RigidTransform:

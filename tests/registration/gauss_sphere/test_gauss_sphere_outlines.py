@@ -21,17 +21,17 @@ from plane_scans import (
 from scipy.spatial.transform import RigidTransform
 
 from registration import RegistrationResult, register
-from registration.gauss_sphere.appeal import _fixed, appealed
-from registration.gauss_sphere.chance import take_chance
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.matching import settle_best
-from registration.gauss_sphere.open_directions import uncertainty
-from registration.gauss_sphere.outlines import as_ends, ends_of
+from registration.gauss_sphere.judging.appeal import _fixed, appealed
+from registration.gauss_sphere.judging.open_directions import uncertainty
+from registration.gauss_sphere.outlines.ends import as_ends, ends_of
+from registration.gauss_sphere.outlines.placing import STEPS_MM, placed, placed_by_some
+from registration.gauss_sphere.outlines.telling import outlines_of
+from registration.gauss_sphere.outlines.testimony import ANY_WAY, said
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, OutlineParams
-from registration.gauss_sphere.placing import STEPS_MM, placed, placed_by_some
-from registration.gauss_sphere.refine import likelihood, widened
-from registration.gauss_sphere.telling_outlines import outlines_of
-from registration.gauss_sphere.testimony import ANY_WAY, said
+from registration.gauss_sphere.refinement.chance import take_chance
+from registration.gauss_sphere.refinement.matching import settle_best
+from registration.gauss_sphere.refinement.refine import likelihood, widened
 
 HOW = OutlineParams()
 ALONE = [0, 1, 7]  # floor, wall and one slat near the middle

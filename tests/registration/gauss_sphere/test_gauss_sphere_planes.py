@@ -11,15 +11,15 @@ from plane_scans import APEX_BEHIND_MM, Plates, plates_from, random_clutter, sca
 
 from registration import Scan, register
 from registration.gauss_sphere import describing
-from registration.gauss_sphere.beams import fan_of, measured
-from registration.gauss_sphere.calibrated import NOTHING_KNOWN
-from registration.gauss_sphere.depth_noise import depth_noise
 from registration.gauss_sphere.describing import describe
+from registration.gauss_sphere.fan.beams import fan_of, measured
+from registration.gauss_sphere.fan.calibrated import NOTHING_KNOWN
+from registration.gauss_sphere.fan.depth_noise import depth_noise
 from registration.gauss_sphere.params import GaussSphereParams, PatchParams, SegmentParams
-from registration.gauss_sphere.patches import MOST_PATCHES, fit_patches, fitting
-from registration.gauss_sphere.plane_fit import fit_plane, let_follow
-from registration.gauss_sphere.points import Grouped
-from registration.gauss_sphere.segments import cutting, find_segments
+from registration.gauss_sphere.planes.patches import MOST_PATCHES, fit_patches, fitting
+from registration.gauss_sphere.planes.plane_fit import fit_plane, let_follow
+from registration.gauss_sphere.planes.points import Grouped
+from registration.gauss_sphere.planes.segments import cutting, find_segments
 
 
 def plates(*normals: tuple[float, float, float], half_mm: float = 60.0):

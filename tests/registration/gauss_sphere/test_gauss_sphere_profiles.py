@@ -18,10 +18,10 @@ from plane_scans import (
 )
 
 from registration import Scan, register
-from registration.gauss_sphere.beams import _usual_gap, fan_of, measured
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import patch_of_points
-from registration.gauss_sphere.outlines import ends_of
+from registration.gauss_sphere.fan.beams import _usual_gap, fan_of, measured
+from registration.gauss_sphere.outlines.ends import ends_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.view import NEAREST
 

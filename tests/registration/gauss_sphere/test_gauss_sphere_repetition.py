@@ -23,13 +23,13 @@ from plane_scans import (
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import Scan, register
-from registration.gauss_sphere.appeal import appealed
+from registration.gauss_sphere.candidates.translation import search_of, shifts_at
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.judging.appeal import appealed
+from registration.gauss_sphere.outlines.telling import outlines_of
+from registration.gauss_sphere.outlines.testimony import denied_share, is_doubtful
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams, WideParams
-from registration.gauss_sphere.telling_outlines import outlines_of
-from registration.gauss_sphere.testimony import denied_share, is_doubtful
-from registration.gauss_sphere.translation import search_of, shifts_at
+from registration.gauss_sphere.refinement.matching import Settled, settle_best
 from registration.gauss_sphere.view import View
 
 PERIOD_MM = 100.0

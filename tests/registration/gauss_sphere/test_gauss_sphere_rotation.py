@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from registration.gauss_sphere.candidates.rotation import BLOCK, GaussSphere, rotation_candidates
 from registration.gauss_sphere.params import RotationParams
-from registration.gauss_sphere.rotation import BLOCK, GaussSphere, rotation_candidates
 from registration.scan import FloatArray
 
 

@@ -10,7 +10,7 @@ from plane_scans import random_clutter, scan_plates
 
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.verification import (
+from registration.gauss_sphere.refinement.verification import (
     CONTRADICTION,
     SUPPORT,
     compare_both,

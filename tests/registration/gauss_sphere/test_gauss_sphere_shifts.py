@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from registration.gauss_sphere.shift_search import _keep
+from registration.gauss_sphere.candidates.shift_search import _keep
 
 Tried = st.lists(st.tuples(st.integers(0, 9), st.integers(1, 50)), max_size=40)
 

@@ -9,8 +9,8 @@ import pytest
 from plane_scans import clutter_pair, pose_error
 
 from registration import Scan, register
-from registration.gauss_sphere.returns import usable_points
-from registration.gauss_sphere.spikes import leave_out_spikes
+from registration.gauss_sphere.fan.returns import usable_points
+from registration.gauss_sphere.fan.spikes import leave_out_spikes
 
 
 def with_spikes(scan: Scan, share: float, width: int, seed: int) -> tuple[Scan, np.ndarray]:

@@ -7,13 +7,13 @@ import pytest
 from plane_scans import box_faces, join, random_clutter, scan_plates
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from registration.gauss_sphere.bending import of_unknown_bias
+from registration.gauss_sphere.candidates.rotation import gauss_sphere
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.matching import Settled
+from registration.gauss_sphere.judging.bending import of_unknown_bias
 from registration.gauss_sphere.params import GaussSphereParams, RefineParams
-from registration.gauss_sphere.patches import Patches
-from registration.gauss_sphere.refine import EXACTLY, likelihood, maximise, widened
-from registration.gauss_sphere.rotation import gauss_sphere
+from registration.gauss_sphere.planes.patches import Patches
+from registration.gauss_sphere.refinement.matching import Settled
+from registration.gauss_sphere.refinement.refine import EXACTLY, likelihood, maximise, widened
 from registration.scan import FloatArray
 
 

@@ -23,11 +23,11 @@ from plane_scans import (
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import register
-from registration.gauss_sphere import symmetry
 from registration.gauss_sphere.describing import describe
-from registration.gauss_sphere.matching import Settled, settle_best
+from registration.gauss_sphere.judging import symmetry
+from registration.gauss_sphere.judging.symmetry import symmetric_rivals
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.symmetry import symmetric_rivals
+from registration.gauss_sphere.refinement.matching import Settled, settle_best
 from registration.gauss_sphere.view import View
 
 PARAMS = GaussSphereParams()
@@ -211,7 +211,7 @@ def test_no_rival_is_lost_by_asking_some_ends_of_faces_first() -> None:
     ]
     loud = replace(PARAMS, decision=replace(PARAMS.decision, silent_planes=0))
     some = [register(pair.target, pair.source, params=loud) for pair in pairs]
-    with patch("registration.gauss_sphere.symmetry._worth_asking", lambda found, *_: found):
+    with patch("registration.gauss_sphere.judging.symmetry._worth_asking", lambda found, *_: found):
         every = [register(pair.target, pair.source, params=loud) for pair in pairs]
     assert Counter(result.status for result in every)["ambiguous"] >= 8
     assert every[-1].status == "ambiguous"

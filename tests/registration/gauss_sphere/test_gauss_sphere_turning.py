@@ -9,9 +9,9 @@ import pytest
 from plane_scans import random_clutter, scan_plates
 
 from registration.gauss_sphere.describing import describe
+from registration.gauss_sphere.judging.turning import Turning, _move_to_fit
 from registration.gauss_sphere.params import GaussSphereParams
-from registration.gauss_sphere.turning import Turning, _move_to_fit
-from registration.gauss_sphere.verification import compared, comparison
+from registration.gauss_sphere.refinement.verification import compared, comparison
 from registration.gauss_sphere.view import View
 from registration.scan import FloatArray
 

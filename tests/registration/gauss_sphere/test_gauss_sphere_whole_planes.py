@@ -10,11 +10,17 @@ from plane_scans import clutter_pair
 
 from registration import register
 from registration.calibration import KNOWN_TO_MM
-from registration.gauss_sphere.matching import Settled
 from registration.gauss_sphere.params import GaussSphereParams, RefineParams, WholePlaneParams
-from registration.gauss_sphere.patches import Patches
-from registration.gauss_sphere.refine import EXACTLY, distances2, likelihood, maximise, widened
-from registration.gauss_sphere.whole_planes import Joining, by_whole_planes, put_together
+from registration.gauss_sphere.planes.patches import Patches
+from registration.gauss_sphere.refinement.matching import Settled
+from registration.gauss_sphere.refinement.refine import (
+    EXACTLY,
+    distances2,
+    likelihood,
+    maximise,
+    widened,
+)
+from registration.gauss_sphere.refinement.whole_planes import Joining, by_whole_planes, put_together
 from registration.scan import FloatArray
 from registration.warm import no_bias
 
