@@ -21,7 +21,6 @@ MARGIN_MM = 10.0  # beyond the nearest and the farthest target
 TANGENTS = np.array([*np.linspace(0.0, 0.26, 14), 0.32, 0.40, 0.55, 0.80, 1.2, 1.8, 3.0])
 SIGMA_TANGENTS = np.array([0.0, 0.25, 0.6, 1.0, 1.6, 2.4, 3.5])
 SLOPES = 27
-SIGMA_STIFFNESS = 1e-3  # noise changes more evenly than bias
 PASSES = 3  # of the bias: its table goes by the measured depth, which the bias shifts
 
 
@@ -158,10 +157,8 @@ def _noise_table(
     nodes = SIGMA_TANGENTS[: np.searchsorted(SIGMA_TANGENTS, samples.tangent.max()) + 1]
     # Relative to the first idea: that varies little, and stays above 0 in between.
     ratio = np.clip(residual_mm / spread_law(samples.depth_mm), -5.0, 5.0) ** 2
-    table = fitted_table(
-        samples.depth_mm, samples.tangent, ratio, np.ones(len(ratio)), depths_mm, nodes,
-        SIGMA_STIFFNESS,
-    ).table  # fmt: skip
+    scale = np.full(len(ratio), np.sqrt(2.0))  # of the square of a normal variable
+    table = fitted_table(samples.depth_mm, samples.tangent, ratio, scale, depths_mm, nodes).table
     factor = np.sqrt(np.maximum(table.value_mm, 0.01))
     return Table(depths_mm, nodes, spread_law(depths_mm)[:, None] * factor)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +11,10 @@ from scipy import sparse
 from registration.calibration import Table, cell
 from registration.scan import FloatArray, IntArray
 
-# Weight of a table's second differences beside the data: it fills nodes where nothing was measured.
-STIFFNESS = 1e-4
-ALONG_DEPTH = 300.0  # how much more it weighs along depth, where the bias changes more evenly
+# What a table is expected to have little of: along depth third differences, as a constant error on
+# a sensor's image grows with the square of the depth, along the other coordinate second ones.
+ALONG_DEPTH, ALONG_AT = 3, 2
+STIFFNESSES = 10.0 ** np.arange(-5, 6)  # that are tried, in units of the data's weight in a node
 
 
 class Nuisance(NamedTuple):
@@ -42,13 +44,15 @@ def fitted_table(
     scale: FloatArray,
     depths_mm: FloatArray,
     nodes: FloatArray,
-    stiffness: float = STIFFNESS,
     nuisance: Nuisance | None = None,
 ) -> FittedTable:
-    """The table nearest to values (n,), each weighted by 1 / scale^2, and the nuisance in each.
+    """The table nearest to values (n,) with standard deviations scale, and the nuisance in each.
 
     Table and nuisance are found together, by one least squares in which the deviations of the
-    nuisance count as measurements of 0.
+    nuisance count as measurements of 0, and differences of the table, too: they keep noise out of
+    it and fill nodes where nothing was measured. How stiff that makes the table, along depth and
+    along `at`, is what makes the values most likely, whatever the table is (the evidence of
+    D. J. C. MacKay, Bayesian Interpolation, 1992).
     """
     rows, columns = len(depths_mm), len(nodes)
     row, row_share = cell(depths_mm, depth_mm)
@@ -64,24 +68,48 @@ def fitted_table(
     )
     size = rows * columns
     matrix = _sparse(share / scale[:, None], index, size)
-    weight = stiffness * float(matrix.power(2).sum()) / size
-    along_depth = sparse.kron(_second_differences(depths_mm), sparse.identity(columns))
-    along_at = sparse.kron(sparse.identity(rows), _second_differences(nodes))
-    prior = [weight * (ALONG_DEPTH * along_depth.T @ along_depth + along_at.T @ along_at)]
+    known = np.zeros(size)
+    weight = float(matrix.power(2).sum()) / size
     if nuisance is not None:
         unknowns, groups = len(nuisance.deviation), int(nuisance.group.max()) + 1
         column = unknowns * nuisance.group[:, None] + np.arange(unknowns)
         effect = _sparse(nuisance.effect / scale[:, None], column, unknowns * groups)
         matrix = sparse.hstack([matrix, effect], format="csr")
-        prior.append(sparse.diags(np.tile(nuisance.deviation**-2.0, groups)))
-    information = (matrix.T @ matrix + sparse.block_diag(prior)).toarray()
-    # Some hundred unknowns: the inverse is cheap, and its diagonal says how well each is known.
+        known = np.concatenate([known, np.tile(nuisance.deviation**-2.0, groups)])
+    # Some hundred unknowns: their matrices are cheap, and the inverse says how well each is known.
+    of_data = (matrix.T @ matrix).toarray() + np.diag(known)
+    pull = matrix.T @ (value / scale)
+    information = _likeliest(of_data, pull, weight, depths_mm, nodes)
     covariance = np.linalg.inv(information)
-    found = covariance @ (matrix.T @ (value / scale))
+    found = covariance @ pull
     deviation_mm = np.sqrt(np.diag(covariance)[:size]).reshape(rows, columns)
     table = Table(depths_mm, nodes, found[:size].reshape(rows, columns))
     moved = scale * (matrix[:, size:] @ found[size:])
     return FittedTable(table, deviation_mm, moved)
+
+
+def _likeliest(
+    of_data: FloatArray, pull: FloatArray, weight: float, depths_mm: FloatArray, nodes: FloatArray
+) -> FloatArray:
+    """The information of the data with that of the stiffness that makes the data most likely."""
+    rows, columns = len(depths_mm), len(nodes)
+    along_depth, along_at = _roughness(depths_mm, ALONG_DEPTH), _roughness(nodes, ALONG_AT)
+    of_depth, of_at = np.kron(along_depth, np.eye(columns)), np.kron(np.eye(rows), along_at)
+    eigenvalues = np.linalg.eigvalsh(along_depth), np.linalg.eigvalsh(along_at)
+    # Polynomials of low degree have no roughness at all, and stay free whatever the stiffness.
+    free = _order(rows, ALONG_DEPTH) * _order(columns, ALONG_AT)
+    best, most = of_data, -np.inf
+    for stiffness in product(weight * STIFFNESSES, repeat=2):
+        information = of_data.copy()
+        information[: len(of_at), : len(of_at)] += stiffness[0] * of_depth + stiffness[1] * of_at
+        root = np.linalg.cholesky(information)
+        explained = np.linalg.solve(root, pull)
+        of_both = np.add.outer(stiffness[0] * eigenvalues[0], stiffness[1] * eigenvalues[1])
+        evidence = 0.5 * float(explained @ explained) - np.log(np.diag(root)).sum()
+        evidence += 0.5 * np.log(np.sort(of_both, axis=None)[free:]).sum()
+        if evidence > most:
+            best, most = information, evidence
+    return best
 
 
 def _sparse(entries: FloatArray, columns: IntArray, width: int) -> sparse.csr_matrix:
@@ -91,11 +119,20 @@ def _sparse(entries: FloatArray, columns: IntArray, width: int) -> sparse.csr_ma
     return sparse.csr_matrix((entries.ravel(), (rows, columns.ravel())), shape=shape)
 
 
-def _second_differences(nodes: FloatArray) -> sparse.csr_matrix:
-    """Change of the slope from node to node, as if nodes were a unit apart on average."""
-    if len(nodes) < 3:
-        return sparse.csr_matrix((1, len(nodes)))
-    inverse = np.diff(nodes).mean() / np.diff(nodes)
-    before, after = inverse[:-1], inverse[1:]
-    shape = (len(nodes) - 2, len(nodes))
-    return sparse.diags([before, -before - after, after], [0, 1, 2], shape=shape).tocsr()
+def _order(n: int, order: int) -> int:
+    """The order of differences that n nodes have, up to the given one."""
+    return min(order, n - 1)
+
+
+def _roughness(nodes: FloatArray, order: int) -> FloatArray:
+    """(n, n) the sum of squared divided differences of values at n nodes, a unit apart on average.
+
+    It is 0 for polynomials of a lower degree, however unevenly the nodes lie.
+    """
+    place = nodes / np.diff(nodes).mean()
+    differences = np.eye(len(nodes))
+    for k in range(1, _order(len(nodes), order) + 1):
+        apart = (place[k:] - place[:-k]) / k
+        differences = np.diff(differences, axis=0) / apart[:, None]
+    roughness: FloatArray = differences.T @ differences
+    return roughness
