@@ -93,7 +93,7 @@ def _likeliest(
 ) -> FloatArray:
     """The information of the data with that of the stiffness that makes the data most likely."""
     rows, columns = len(depths_mm), len(nodes)
-    along_depth, along_at = _roughness(depths_mm, ALONG_DEPTH), _roughness(nodes, ALONG_AT)
+    along_depth, along_at = roughness(depths_mm, ALONG_DEPTH), roughness(nodes, ALONG_AT)
     of_depth, of_at = np.kron(along_depth, np.eye(columns)), np.kron(np.eye(rows), along_at)
     eigenvalues = np.linalg.eigvalsh(along_depth), np.linalg.eigvalsh(along_at)
     # Polynomials of low degree have no roughness at all, and stay free whatever the stiffness.
@@ -124,7 +124,7 @@ def _order(n: int, order: int) -> int:
     return min(order, n - 1)
 
 
-def _roughness(nodes: FloatArray, order: int) -> FloatArray:
+def roughness(nodes: FloatArray, order: int) -> FloatArray:
     """(n, n) the sum of squared divided differences of values at n nodes, a unit apart on average.
 
     It is 0 for polynomials of a lower degree, however unevenly the nodes lie.
@@ -134,5 +134,5 @@ def _roughness(nodes: FloatArray, order: int) -> FloatArray:
     for k in range(1, _order(len(nodes), order) + 1):
         apart = (place[k:] - place[:-k]) / k
         differences = np.diff(differences, axis=0) / apart[:, None]
-    roughness: FloatArray = differences.T @ differences
-    return roughness
+    squared: FloatArray = differences.T @ differences
+    return squared
