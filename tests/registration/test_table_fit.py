@@ -12,8 +12,8 @@ from registration.table_fit import (
     ALONG_DEPTH,
     FittedTable,
     Nuisance,
-    roughness,
     fitted_table,
+    roughness,
 )
 
 DEPTHS_MM = np.array([300.0, 380.0, 500.0, 640.0, 800.0, 930.0, 1100.0])
