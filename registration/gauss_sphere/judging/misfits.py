@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.gauss_sphere.judging.decision import agreeing_planes
+from registration.gauss_sphere.judging.decision import agreeing_planes, is_plain
 from registration.gauss_sphere.judging.open_directions import open_directions_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.refinement.matching import Settled, floors_of, scored
@@ -13,6 +13,7 @@ from registration.gauss_sphere.refinement.settling import make_likely
 from registration.gauss_sphere.view import View
 
 LEAST_FITTING = 2.0 / 3.0  # of the pairs: poses that are turned by a like thing lose more
+LEAST_PLANES = 3  # where next to nothing is in free space, which turned poses put some surface in
 
 
 def without_misfits(
@@ -20,15 +21,18 @@ def without_misfits(
 ) -> Settled:
     """The pose by those of its planes that fit, if it is only left open by the others.
 
-    Two planes a few mm apart may be taken for one, as a drawer and the next, which stands out. What
-    explains that as an error of all planes leaves directions open that the others fix. It is as
-    sure, then, as the planes that fit make it.
+    Two planes a few mm apart may be taken for one, as a drawer and the next, which stands out, and
+    of a round thing each view has its own planes. What explains that as an error of all planes
+    leaves directions open that the others fix. It is as sure, then, as the planes that fit make it.
     """
     fits = pose.distance2 < params.refine.capped_distance2
     if fits.all() or not open_directions_of(pose, target, params.decision).size:
         return pose
     pairs, distance2 = pose.pairs[fits], np.empty(np.count_nonzero(fits))
-    if pairs.shape[0] < max(params.decision.sure_planes, LEAST_FITTING * fits.size):
+    least, share = params.decision.sure_planes, LEAST_FITTING
+    if is_plain(pose, params.decision):
+        least, share = LEAST_PLANES, 0.0
+    if pairs.shape[0] < max(least, share * fits.size):
         return pose
     r, t, information, sure = pose.rotation.copy(), pose.shift_mm.copy(), *np.zeros((2, 6, 6))
     floor_mm = make_likely(
@@ -37,6 +41,8 @@ def without_misfits(
     )  # fmt: skip
     fitting = Settled(r, t, information, sure, floor_mm, pairs, distance2, pose.areas, pose.score)
     fitting = scored(fitting, target, source, params)
-    if agreeing_planes(fitting, target, params.decision) < params.decision.sure_planes:
+    if agreeing_planes(fitting, target, params.decision) < least:
+        return pose
+    if share == 0.0 and floor_mm > params.whole_planes.most_floor_mm:
         return pose
     return pose if open_directions_of(fitting, target, params.decision).size else fitting
