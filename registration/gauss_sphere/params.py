@@ -138,7 +138,8 @@ class RefineParams(Checked):
         distance below consistent_distance2.
     capped_distance2: squared distances count up to this when the covariance is made to agree with
         them; widest_mm: largest systematic error that it is given.
-    held_mm: standard deviation by which the middle of the matched surface may move at a time.
+    held_mm, held_rad: standard deviations by which the middle of the matched surface may move, and
+        the pose turn, at a time.
     """
 
     rounds: int = 10
@@ -150,6 +151,7 @@ class RefineParams(Checked):
     capped_distance2: float = 25.0
     widest_mm: float = 30.0
     held_mm: float = 10.0
+    held_rad: float = 0.1
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,8 @@
-"""What keeps a pose where it is along directions that no plane fixes: a soft hold on one point."""
+"""What keeps a pose where it is along directions that no plane fixes: a soft hold."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,32 +23,53 @@ def middle_of_pairs(target: Patches, pairs: IntArray) -> FloatArray:
     return middle / max(total, 1e-12)
 
 
+class Held(NamedTuple):
+    """A pose as it was, and how softly it is held there.
+
+    middle_mm, of_source_mm: (3,) a point of the target where it was, and in the source's
+        coordinates; rotation: (3, 3). mm, rad: standard deviations of the point's place and of the
+        rotation.
+    """
+
+    middle_mm: FloatArray
+    of_source_mm: FloatArray
+    rotation: FloatArray
+    mm: float
+    rad: float
+
+
+@compiled
+def held_where_it_is(
+    target: Patches, pairs: IntArray, r: FloatArray, t: FloatArray, mm: float, rad: float
+) -> Held:
+    """A pose held at the middle of its matched planes."""
+    middle = middle_of_pairs(target, pairs)
+    return Held(middle, r.T @ (middle - t), r.copy(), mm, rad)
+
+
 @compiled
 def hold(
-    held: FloatArray,
-    held_source: FloatArray,
-    held_mm: float,
-    r: FloatArray,
-    t: FloatArray,
-    hessian: FloatArray,
-    gradient: FloatArray,
+    held: Held, r: FloatArray, t: FloatArray, hessian: FloatArray, gradient: FloatArray
 ) -> float:
-    """Add to gradient and Hessian what holds a point of the source in its place; its cost.
-
-    held, held_source: (3,) where the point was in the target, and in the source's coordinates.
-    """
-    weight, cost, far2 = 1.0 / (held_mm * held_mm), 0.0, 0.0
+    """Add to gradient and Hessian what holds a pose; its cost."""
+    weight, of_turn, cost, far2 = 1.0 / (held.mm * held.mm), 1.0 / (held.rad * held.rad), 0.0, 0.0
     place, away = np.empty(3), np.empty(3)
     for u in range(3):
         place[u] = t[u]
         for v in range(3):
-            place[u] += r[u, v] * held_source[v]
-        away[u] = place[u] - held[u]
+            place[u] += r[u, v] * held.of_source_mm[v]
+        away[u] = place[u] - held.middle_mm[u]
         cost += weight * away[u] * away[u]
         far2 += place[u] * place[u]
     # A perturbation (w, v) on the left moves the place by w x place + v.
     for u in range(3):
         v, w = (u + 1) % 3, (u + 2) % 3
+        turn = 0.0  # from the rotation as it was, about axis u
+        for k in range(3):
+            turn += 0.5 * (r[w, k] * held.rotation[v, k] - r[v, k] * held.rotation[w, k])
+        cost += of_turn * turn * turn
+        gradient[u] += of_turn * turn
+        hessian[u, u] += of_turn
         gradient[u] += weight * (place[v] * away[w] - place[w] * away[v])
         gradient[3 + u] += weight * away[u]
         for i in range(3):

@@ -8,7 +8,7 @@ import numpy as np
 
 from registration.gauss_sphere.params import RefineParams
 from registration.gauss_sphere.planes.patches import Patches
-from registration.gauss_sphere.refinement.holding import hold, middle_of_pairs
+from registration.gauss_sphere.refinement.holding import held_where_it_is, hold
 from registration.gauss_sphere.refinement.plane_pairs import (
     Difference,
     compare,
@@ -34,6 +34,7 @@ class Likelihood(NamedTuple):
     capped_distance2: float
     widest_mm: float
     held_mm: float
+    held_rad: float
 
 
 def likelihood(params: RefineParams) -> Likelihood:
@@ -47,6 +48,7 @@ def likelihood(params: RefineParams) -> Likelihood:
         params.capped_distance2,
         params.widest_mm,
         params.held_mm,
+        params.held_rad,
     )
 
 
@@ -171,9 +173,9 @@ def maximise(
     Each view has measured (tilt, tilt, offset) of a plane with the covariance of its own fit; under
     the pose their difference has the sum of both covariances. Gauss-Newton with
     Levenberg-Marquardt damping on it attains the Cramer-Rao bound with the plane parameters as
-    nuisances. A heavy tail keeps single wrong pairs from bending the pose. The middle of the
-    matched surface is held, softly, where it is: along a direction that no plane fixes, the noise
-    of the normals would carry the pose away. The information is that of the planes alone.
+    nuisances. A heavy tail keeps single wrong pairs from bending the pose, which is held, softly,
+    at the middle of the matched surface: along a direction that no plane fixes, the noise of the
+    normals would carry it away. The information is that of the planes alone.
 
     pairs: (m, 2) target and source patch.  floor_mm: systematic error of a plane's offset, and over
     the lever of its tilt, added to every covariance.  r (3, 3), t (3,): the pose, changed in place.
@@ -185,14 +187,13 @@ def maximise(
     lower, planes_alone, step = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
     trial_r, trial_t = r.copy(), t.copy()
     damping = 1e-4
-    held = middle_of_pairs(target, pairs)
-    held_source = r.T @ (held - t)
+    held = held_where_it_is(target, pairs, r, t, likely.held_mm, likely.held_rad)
     difference = no_difference()
     cost = _accumulate(
         target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2, difference
     )
     information[:] = hessian
-    hold(held, held_source, likely.held_mm, r, t, hessian, gradient)
+    hold(held, r, t, hessian, gradient)
     for _ in range(likely.rounds):
         solve_damped6(hessian, gradient, damping, lower, step)
         # No step may turn further than the linearisation holds.
@@ -205,7 +206,7 @@ def maximise(
             difference,
         )  # fmt: skip
         planes_alone[:] = hessian
-        trial += hold(held, held_source, likely.held_mm, trial_r, trial_t, hessian, gradient)
+        trial += hold(held, trial_r, trial_t, hessian, gradient)
         if trial <= cost:
             gain = cost - trial
             cost = trial
@@ -221,7 +222,7 @@ def maximise(
                 target, source, pairs, likely, floor_mm, r, t, hessian, gradient, distance2,
                 difference,
             )  # fmt: skip
-            hold(held, held_source, likely.held_mm, r, t, hessian, gradient)
+            hold(held, r, t, hessian, gradient)
             if damping > 1e6:
                 break
 
