@@ -14,6 +14,7 @@ from registration.gauss_sphere.judging.open_directions import open_directions_of
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.refinement.matching import Settled, settle_best
 from registration.gauss_sphere.refinement.refine import distances2, likelihood
+from registration.gauss_sphere.refinement.verification import CONTRADICTION, SUPPORT
 from registration.gauss_sphere.view import View
 
 PARAMS = GaussSphereParams()
@@ -65,11 +66,23 @@ def test_a_pose_that_moves_is_scored_where_it_goes() -> None:
     np.testing.assert_allclose(fitting.areas, pose.areas, rtol=0.01, atol=1.0)
 
 
+def test_most_pairs_may_not_fit_where_nothing_is_in_free_space() -> None:
+    target, source, pose = settled(0)
+    many = with_false_pairs(pose, target, source, 2 * len(pose.pairs))
+    plain = many._replace(areas=np.where(np.arange(2) == CONTRADICTION, 0.0, pose.areas))
+    fitting = without_misfits(plain, target, source, PARAMS)
+    assert not open_directions_of(fitting, target, PARAMS.decision).size
+    np.testing.assert_allclose(fitting.shift_mm, pose.shift_mm, atol=1.0)
+
+
 def test_a_pose_stays_where_nothing_is_open_or_too_many_do_not_fit() -> None:
     target, source, pose = settled(0)
     assert without_misfits(pose, target, source, PARAMS) is pose
-    many = with_false_pairs(pose, target, source, len(pose.pairs))
+    against = 0.1 * pose.areas[SUPPORT]
+    areas = np.where(np.arange(2) == CONTRADICTION, against, pose.areas)
+    many = with_false_pairs(pose, target, source, len(pose.pairs))._replace(areas=areas)
     assert without_misfits(many, target, source, PARAMS) is many
-    few = with_false_pairs(pose, target, source, 2)
+    few = with_false_pairs(pose, target, source, 2)._replace(areas=areas)
+    assert without_misfits(few, target, source, PARAMS) is not few
     more_asked = replace(PARAMS, decision=replace(PARAMS.decision, sure_planes=100))
     assert without_misfits(few, target, source, more_asked) is few

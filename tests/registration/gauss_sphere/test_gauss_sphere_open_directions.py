@@ -102,6 +102,34 @@ def test_what_no_plane_fixes_is_not_carried_away() -> None:
     assert max(moved_from_the_truth_mm(pair, free) for pair in pairs) > 60.0
 
 
+def terraces(rng: np.random.Generator) -> Pair:
+    """Dozens of small planes that all face the same way."""
+    places = [
+        [rng.uniform(-60, 60), y, z] for y in range(-200, 201, 50) for z in range(-90, 91, 60)
+    ]
+    normals = ROOM.apply(np.tile([0.0, 0.0, -1.0], (len(places), 1)))
+    halves = np.full((len(places), 2), 22.0)
+    return pair_of(plates_from(normals, MIDDLE + ROOM.apply(places), halves), rng)
+
+
+def turned_from_the_truth_deg(pair: Pair, params: GaussSphereParams) -> float:
+    """How far settling turns the true pose; infinite where it loses it."""
+    target, source = describe(pair.target, params), describe(pair.source, params)
+    rotation = pair.T_target_source.rotation.as_matrix()
+    start = rotation[None].copy(), pair.T_target_source.translation[None].copy()
+    left = settle_best(target, source, *start, params, look_again=False)
+    if not left:
+        return np.inf
+    return float(np.rad2deg(Rotation.from_matrix(left[0].rotation @ rotation.T).magnitude()))
+
+
+def test_what_no_plane_fixes_is_not_turned_away() -> None:
+    held, free = GaussSphereParams(), GaussSphereParams(refine=RefineParams(held_rad=1e9))
+    pairs = [terraces(np.random.default_rng(seed)) for seed in range(8)]
+    assert max(turned_from_the_truth_deg(pair, held) for pair in pairs) < 15.0
+    assert max(turned_from_the_truth_deg(pair, free) for pair in pairs) > 60.0
+
+
 def shelf(rng: np.random.Generator) -> Pair:
     """Compartments without end, and a second view two or three of them further."""
     width_mm, height_mm = rng.uniform(90.0, 130.0, 2)
