@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.stats import binomtest, bootstrap, wilcoxon
 
 from harness.random_groups import within
 from harness.scoring import COARSE
 from harness.table_files import Table
-
-FloatArray = NDArray[np.float64]
+from registration.scan import FloatArray
 
 LEVEL = 0.95
 RESAMPLES = 2000

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from harness.bound import parameter_deviations
 from harness.pair_tables import COLUMNS
-
-FloatArray = NDArray[np.float64]
+from registration.scan import FloatArray
 
 COUNTED = ("all points of shared faces", "points in the overlap only")
 

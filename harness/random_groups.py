@@ -7,12 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from harness.random_pairs import family_of
 from harness.scoring import Tolerance
-
-BoolArray = NDArray[np.bool_]
+from registration.scan import BoolArray
 
 
 class Band(NamedTuple):

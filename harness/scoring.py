@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from registration.scan import FloatArray
 from sensors.arm import ArmPath
 from sensors.paths import ViewPath
-
-FloatArray = NDArray[np.float64]
 
 PARAMETERS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
 

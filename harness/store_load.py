@@ -16,8 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from harness.scoring import PARAMETERS, parameter_errors, parameters_of
 from harness.store_file import FILE_NAME, Blobs, StoreError, connect, stacked, telling, unpacked
-
-FloatArray = NDArray[np.float64]
+from registration.scan import FloatArray
 
 NUMBERS = ("rotation_error_deg", "translation_error_mm", "overlap_target", "overlap_source")
 TRUTHS, ESTIMATED = ("T_exact", "T_theoretical"), "T_estimated"

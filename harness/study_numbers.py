@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
-from harness.random_groups import BoolArray, within
+from harness.random_groups import within
 from harness.scoring import COARSE, wilson_interval
-from registration.scan import FloatArray
+from registration.scan import BoolArray, FloatArray
 
 ROTATION, TRANSLATION = "Rotation error (deg)", "Translation error (mm)"
 ERRORS = {ROTATION: "rotation_cut_deg", TRANSLATION: "translation_cut_mm"}
