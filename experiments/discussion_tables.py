@@ -199,8 +199,7 @@ def overlap_table(rows: pd.DataFrame) -> Table:
         "How much overlap is needed",
         "Two views turned against each other about the vertical, which look past each other. "
         "Overlap: the smaller of the two views' exact shares of points that the other sees. "
-        f"Right: of status ok, within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} "
-        "mm, with Wilson's 95 % interval.",
+        f"Right: of status ok, within {COARSE}, with Wilson's 95 % interval.",
         pd.DataFrame(records),
         {"Trials": "d", "Answered, but wrong": "d"},
         note=_overlap_conclusion(rows),

@@ -61,10 +61,7 @@ class Tally:
         """How fast and how well it goes."""
         parts = [f"{self.per_s:.3g} trials/s"]
         if self.computed:
-            parts.append(
-                f"{self.right / self.computed:.0%} within {COARSE.rotation_deg:g} deg and "
-                f"{COARSE.translation_mm:g} mm"
-            )
+            parts.append(f"{self.right / self.computed:.0%} within {COARSE}")
         parts.append(f"{self.unanswered} without an answer, {self.errors} errors")
         return ", ".join(parts)
 

@@ -94,9 +94,8 @@ def comparison_table(pairs: pd.DataFrame, names: tuple[str, str]) -> Table:
     return Table(
         "comparison",
         f"{names[1]} against {names[0]}, method by method",
-        f"Right: marked ok and within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} "
-        "mm. The p of McNemar's exact test is how often as large a difference would come about "
-        "if both runs were as good. Differences of errors are "
+        f"Right: marked ok and within {COARSE}. The p of McNemar's exact test is how often as "
+        "large a difference would come about if both runs were as good. Differences of errors are "
         f"{names[1]} less {names[0]}, below 0 is better, over the trials that both got right, "
         "with the bootstrap interval (95 %) of the median and the p of Wilcoxon's signed-rank "
         f"test; neither is given for fewer than {LEAST_PAIRS}. Time ratio: median of the times of "

@@ -43,8 +43,7 @@ def success_table(rows: pd.DataFrame) -> Table:
         for tolerance in (FINE, COARSE):
             right = int(within(group, tolerance).sum())
             low, high = wilson_interval(right, len(group))
-            column = f"Within {tolerance.rotation_deg:g} deg and {tolerance.translation_mm:g} mm"
-            record[column] = f"{right / len(group):.1%} [{low:.1%}, {high:.1%}]"
+            record[f"Within {tolerance}"] = f"{right / len(group):.1%} [{low:.1%}, {high:.1%}]"
         record["Marked ok"] = int((group["status"] == "ok").sum())
         record["of these wrong"] = record["Marked ok"] - int(within(group, COARSE).sum())
         records.append(record)
@@ -115,9 +114,8 @@ def accuracy_table(rows: pd.DataFrame) -> Table:
     return Table(
         "accuracy",
         "Errors",
-        f"Median and 90 % quantile over the successes within {COARSE.rotation_deg:g} deg and "
-        f"{COARSE.translation_mm:g} mm, and over all pairs, where one without an answer marked ok "
-        "counts as infinite and prints as none.",
+        f"Median and 90 % quantile over the successes within {COARSE}, and over all pairs, where "
+        "one without an answer marked ok counts as infinite and prints as none.",
         frame,
         {"Pairs": "d"} | dict.fromkeys(frame.columns[4:], ".3f"),
     )
@@ -145,11 +143,10 @@ def bound_table(rows: pd.DataFrame) -> Table:
     return Table(
         "bound",
         "Errors in units of the Cramer-Rao bound",
-        "1 is what no unbiased method can beat. Over the successes within "
-        f"{COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm, each error divided by the "
-        "bound of its own pair: the root of the mean square, which single outliers decide, and "
-        "the median, scaled to be the same for normal errors. The bound counts the noise, not "
-        "the sensor's bulge.",
+        f"1 is what no unbiased method can beat. Over the successes within {COARSE}, each error "
+        "divided by the bound of its own pair: the root of the mean square, which single outliers "
+        "decide, and the median, scaled to be the same for normal errors. The bound counts the "
+        "noise, not the sensor's bulge.",
         pd.DataFrame(records),
         {"Pairs": "d"} | dict.fromkeys(NAMES, ".2f"),
     )
@@ -235,8 +232,7 @@ def status_table(rows: pd.DataFrame) -> Table:
     return Table(
         "statuses",
         "Answers by status",
-        f"Right is within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm; numbers in "
-        "reasons are replaced by N.",
+        f"Right is within {COARSE}; numbers in reasons are replaced by N.",
         pd.DataFrame(records),
         dict.fromkeys(("Pairs", "With a pose", "that was right"), "d"),
     )

@@ -20,6 +20,10 @@ class Tolerance(NamedTuple):
     rotation_deg: float
     translation_mm: float
 
+    def __str__(self) -> str:
+        """As captions and columns have it: "5 deg and 30 mm"."""
+        return f"{self.rotation_deg:g} deg and {self.translation_mm:g} mm"
+
 
 COARSE = Tolerance(5.0, 30.0)
 FINE = Tolerance(1.0, 5.0)

@@ -18,13 +18,10 @@ ERRORS = {ROTATION: "rotation_cut_deg", TRANSLATION: "translation_cut_mm"}
 ERROR_FORMATS = {ROTATION: ".2f", TRANSLATION: ".1f"}
 RESAMPLES = 1000
 LEVEL = 0.95
-RIGHT = (
-    f"Right: answered ok, within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm, "
-    "with Wilson's 95 % interval."
-)
+RIGHT = f"Right: answered ok, within {COARSE}, with Wilson's 95 % interval."
 CUT = (
-    f"Errors are means over all trials, cut at {COARSE.rotation_deg:g} deg and "
-    f"{COARSE.translation_mm:g} mm, no answer counting as that, with bootstrap 95 % intervals."
+    f"Errors are means over all trials, cut at {COARSE}, no answer counting as that, with "
+    "bootstrap 95 % intervals."
 )
 
 

@@ -17,8 +17,6 @@ from harness.study_numbers import LEVEL, gained_lost, listed, outcomes, smaller_
 from harness.table_files import Table
 from harness.variants import median_interval
 
-COARSE_TEXT = f"within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm"
-FINE_TEXT = f"within {FINE.rotation_deg:g} deg and {FINE.translation_mm:g} mm"
 MEDIANS = {
     "Median rotation error (deg)": "rotation_error_deg",
     "Median translation error (mm)": "translation_error_mm",
@@ -63,7 +61,7 @@ def ranking_table(rows: pd.DataFrame) -> Table:
     return Table(
         "study_ranking",
         "Every method side by side",
-        f"Right: answered ok {COARSE_TEXT}; fine: {FINE_TEXT}; with Wilson's 95 % intervals. "
+        f"Right: answered ok within {COARSE}; fine: within {FINE}; with Wilson's 95 % intervals. "
         "Medians of errors are over the right ones, with intervals by order statistics; that of "
         "the time of a registration is over all, with as many processes as the command was given.",
         frame.reset_index(drop=True),
@@ -117,8 +115,8 @@ def draw_ranking(frame: pd.DataFrame, note: str) -> Figure:
     families = [str(c).removeprefix("Right on ") for c in frame.columns if "Right on" in str(c)]
     tall = 0.3 + 0.32 * len(methods)
     figure = new_figure(
-        f"Which method is best?\nShare right with 95 % interval: light {COARSE_TEXT}, dark "
-        f"{FINE_TEXT}",
+        f"Which method is best?\nShare right with 95 % interval: light within {COARSE}, dark "
+        f"within {FINE}",
         1.45 + tall + foot,
         note,
     )

@@ -58,9 +58,8 @@ def sweep_table(rows: pd.DataFrame) -> Table:
     return Table(
         "sweep",
         "All points of the sweep",
-        f"Fine: answered within {FINE.rotation_deg:g} deg and {FINE.translation_mm:g} mm; coarse: "
-        f"within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm; shares of all "
-        "trials, with the ends of Wilson's 95 % interval. Errors are medians over the coarse.",
+        f"Fine: answered within {FINE}; coarse: within {COARSE}; shares of all trials, with the "
+        "ends of Wilson's 95 % interval. Errors are medians over the coarse.",
         frame,
         formats,
     )

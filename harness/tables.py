@@ -60,8 +60,7 @@ def success_table(rows: pd.DataFrame) -> Table:
         for tolerance in (COARSE, FINE):
             successes = int(_successes(group, tolerance).sum())
             low, high = wilson_interval(successes, len(group))
-            column = f"Within {tolerance.rotation_deg:g} deg and {tolerance.translation_mm:g} mm"
-            record[column] = f"{successes}/{len(group)} [{low:.0%}, {high:.0%}]"
+            record[f"Within {tolerance}"] = f"{successes}/{len(group)} [{low:.0%}, {high:.0%}]"
         records.append(record)
     return Table(
         "success",
@@ -103,9 +102,8 @@ def accuracy_table(rows: pd.DataFrame) -> Table:
     return Table(
         "accuracy",
         "Errors",
-        "Angle and length of the error, median and 90 % quantile. A success is within "
-        f"{COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm; over all trials, one "
-        "without an estimate counts as infinite and prints as none.",
+        f"Angle and length of the error, median and 90 % quantile. A success is within {COARSE}; "
+        "over all trials, one without an estimate counts as infinite and prints as none.",
         frame,
         {"n": "d"} | dict.fromkeys(frame.columns[4:], ".2f"),
         in_full=True,

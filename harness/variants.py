@@ -50,12 +50,11 @@ def _variant_table(name: str, labels: list[str], rows: pd.DataFrame, random: boo
     return Table(
         f"variants_{name}",
         f"Method {name}: variants beside {labels[0]}",
-        f"Right: of status ok, within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} "
-        f"mm, with Wilson's 95 % interval. Gained, lost: trials on the same scans that only this "
-        f"variant, or only {labels[0]}, got right; p: chance of so uneven a split if both were "
-        "alike (exact sign test). Ratios to the plain form on the trials that both got right, "
-        "times on all: median and its 95 % interval, free of any assumption about their "
-        f"distribution, where there are {FEWEST} or more.",
+        f"Right: of status ok, within {COARSE}, with Wilson's 95 % interval. Gained, lost: trials "
+        f"on the same scans that only this variant, or only {labels[0]}, got right; p: chance of "
+        "so uneven a split if both were alike (exact sign test). Ratios to the plain form on the "
+        "trials that both got right, times on all: median and its 95 % interval, free of any "
+        f"assumption about their distribution, where there are {FEWEST} or more.",
         frame.drop(columns=["variant", "over", *(f"bounds_{c}" for _, c in RATIOS)]),
         {"Trials": "d", "Gained": ".0f", "Lost": ".0f", "p": ".2g", "Both right": "d"},
         note=_conclusion(frame, labels),

@@ -81,8 +81,7 @@ def answer_table(experiment: Experiment | RandomPairsExperiment, rows: pd.DataFr
         record: dict[str, Any] = {"Method": score.label, COUNT: score.trials}
         for tolerance, right in ((COARSE, score.right), (FINE, score.fine)):
             low, high = wilson_interval(right, score.trials)
-            column = f"Within {tolerance.rotation_deg:g} deg and {tolerance.translation_mm:g} mm"
-            record[column] = f"{right}/{score.trials} [{low:.0%}, {high:.0%}]"
+            record[f"Within {tolerance}"] = f"{right}/{score.trials} [{low:.0%}, {high:.0%}]"
         record |= {
             ROTATION: score.rotation_deg, TRANSLATION: score.translation_mm, TIME: score.time_ms,
         }  # fmt: skip

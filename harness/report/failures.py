@@ -55,10 +55,9 @@ def failures_table(rows: pd.DataFrame) -> Table:
     return Table(
         "failures_by_stage",
         "Trials without a success, worst first",
-        f"Not within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm, or not sure. "
-        "The stage at fault is where the method says that it stopped; of a wrong answer, the "
-        "stage whose result had to be replaced by the truth for the same trial to succeed, where "
-        "that was tried. Empty: nothing tells.",
+        f"Not within {COARSE}, or not sure. The stage at fault is where the method says that it "
+        "stopped; of a wrong answer, the stage whose result had to be replaced by the truth for "
+        "the same trial to succeed, where that was tried. Empty: nothing tells.",
         with_notes(pd.DataFrame(records), bad),
         {"Repeat": "d", "Rotation error (deg)": ".2f", "Translation error (mm)": ".1f"},
     )
