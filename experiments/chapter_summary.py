@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import RigidTransform
 
-from experiments.medians import Median, median_interval, rate
+from experiments.medians import Median, median_of
 from experiments.profile_summary import profile_seconds, profile_summary
+from harness.chance import rate
 from harness.pair_tables import COLUMNS, NAMES, printed_six, thesis_values
 from harness.schema import Experiment, Pair
 from harness.scoring import COARSE, PoseError, is_success, pose_error
@@ -112,7 +113,7 @@ def comparison_table(pairs: Sequence[PrintedPair]) -> Table:
                 strict=True,
             ):  # fmt: skip
                 errors = rows[column].where(answered, np.inf).to_numpy(dtype=np.float64)
-                middle = median_interval(errors)
+                middle = median_of(errors)
                 record[f"{what} error ({unit})"] = middle.text(".2f")
                 record[f"Thesis's ({unit})"] = limit
                 record[f"{what} smaller"] = "yes" if middle.middle < limit else "no"
@@ -274,7 +275,7 @@ def _theoretical_error(row: pd.Series[Any]) -> tuple[float, float]:
 
 
 def _median(rows: pd.DataFrame, column: str) -> Median:
-    return median_interval(rows[column].to_numpy(dtype=np.float64))
+    return median_of(rows[column].to_numpy(dtype=np.float64))
 
 
 def _right(row: Mapping[Any, Any]) -> bool:

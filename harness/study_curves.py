@@ -11,13 +11,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from harness.chance import LEVEL
 from harness.figures_page import add_axes, new_figure
 from harness.looks import GREY
 from harness.study_figures import colours_of, foot_in, method_legend, ticks, with_interval
 from harness.study_numbers import (
     CUT,
     ERRORS,
-    LEVEL,
     RESAMPLES,
     RIGHT,
     beyond_chance,

@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from scipy.stats import binomtest
 
+from harness.chance import LEVEL, sign_test
 from harness.figures_page import add_axes, new_figure
 from harness.looks import INK
 from harness.study_figures import foot_in, share_map
 from harness.study_numbers import (
     CUT,
-    LEVEL,
     RIGHT,
     gained_lost,
     outcomes,
@@ -110,9 +109,8 @@ def _finer(rows: pd.DataFrame) -> str:
     change = pd.concat(changes).dropna()
     of_pair = change.groupby(level=[0, 1]).sum()
     better, worse = int((of_pair > 0).sum()), int((of_pair < 0).sum())
-    p = binomtest(better, better + worse).pvalue if better + worse else 1.0
     gained, lost = int((change > 0).sum()), int((change < 0).sum())
-    sure = "beyond chance" if p < 1.0 - LEVEL else "not beyond chance"
+    sure = "beyond chance" if sign_test(better, worse) < 1.0 - LEVEL else "not beyond chance"
     return f"gains {gained} trials and loses {lost}, {sure}"
 
 

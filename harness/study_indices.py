@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from harness.chance import LEVEL
 from harness.figures_page import add_axes, new_figure
 from harness.looks import GREY
 from harness.study_figures import COLOURS, foot_in, share_map
-from harness.study_numbers import ERRORS, LEVEL, RESAMPLES, listed, outcomes
+from harness.study_numbers import ERRORS, RESAMPLES, listed, outcomes
 from harness.sweep import point_count, salib_problem, short_names
 from harness.sweep_schema import Sweep
 from harness.sweep_tables import PREFIX

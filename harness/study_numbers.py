@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
+from harness.chance import LEVEL, sign_test
 from harness.random_groups import within
 from harness.scoring import COARSE, wilson_interval
 from registration.scan import BoolArray, FloatArray
@@ -17,7 +17,6 @@ ROTATION, TRANSLATION = "Rotation error (deg)", "Translation error (mm)"
 ERRORS = {ROTATION: "rotation_cut_deg", TRANSLATION: "translation_cut_mm"}
 ERROR_FORMATS = {ROTATION: ".2f", TRANSLATION: ".1f"}
 RESAMPLES = 1000
-LEVEL = 0.95
 RIGHT = f"Right: answered ok, within {COARSE}, with Wilson's 95 % interval."
 CUT = (
     f"Errors are means over all trials, cut at {COARSE}, no answer counting as that, with "
@@ -81,25 +80,21 @@ def paired(ours: pd.DataFrame, theirs: pd.DataFrame, columns: Sequence[str]) -> 
 
 
 def gained_lost(ours: pd.DataFrame, theirs: pd.DataFrame) -> tuple[int, int, float]:
-    """Pairs that only ours, or only theirs, has right; the chance of so uneven a split.
-
-    An exact sign test: 1.0 where there is no difference.
-    """
+    """Pairs that only ours, or only theirs, has right; the chance of so uneven a split."""
     (right,) = paired(ours, theirs, ["right"])
     gained = int((right[:, 0] > right[:, 1]).sum())
     lost = int((right[:, 0] < right[:, 1]).sum())
-    p = float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
-    return gained, lost, p
+    return gained, lost, sign_test(gained, lost)
 
 
 def smaller_p(ours: pd.DataFrame, theirs: pd.DataFrame, column: str) -> float:
     """The chance of so uneven a split of the pairs on which ours or theirs has less of a column.
 
-    An exact sign test over the pairs that both have right: 1.0 where there are none.
+    Over the pairs that both have right.
     """
     (both,) = paired(ours[ours["right"]], theirs[theirs["right"]], [column])
     less, more = int((both[:, 0] < both[:, 1]).sum()), int((both[:, 0] > both[:, 1]).sum())
-    return float(binomtest(less, less + more).pvalue) if less + more else 1.0
+    return sign_test(less, more)
 
 
 def beyond_chance(p_values: Sequence[float], level: float = 1.0 - LEVEL) -> BoolArray:

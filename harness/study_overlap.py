@@ -11,13 +11,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.stats import spearmanr
 
+from harness.chance import LEVEL, median_interval
 from harness.figures_page import add_axes, new_figure
 from harness.random_groups import with_family
 from harness.scoring import wilson_interval
 from harness.study_figures import colours_of, foot_in, logarithmic, method_legend, with_interval
-from harness.study_numbers import LEVEL, RIGHT, outcomes
+from harness.study_numbers import RIGHT, outcomes
 from harness.table_files import Table
-from harness.variants import median_interval
 
 ENOUGH = 0.9  # share right from which on the overlap is said to be enough
 MEDIANS = {"Median rotation error (deg)": "rotation_error_deg",

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harness.chance import rate
 from harness.face_gaps import FaceGaps, gaps_in_words
 from harness.multiview import loop_tables
 from harness.notes import with_notes
 from harness.pair_tables import pair_tables, thesis_values
 from harness.schema import Experiment, Pair
-from harness.scoring import COARSE, FINE, PoseError, Tolerance, is_success, wilson_interval
+from harness.scoring import COARSE, FINE, PoseError, Tolerance, is_success
 from harness.table_files import Table
 from harness.view_tables import compaction_table
 
@@ -59,8 +60,7 @@ def success_table(rows: pd.DataFrame) -> Table:
         record[WRONG] = int((answered & ~_successes(group, COARSE)).sum())
         for tolerance in (COARSE, FINE):
             successes = int(_successes(group, tolerance).sum())
-            low, high = wilson_interval(successes, len(group))
-            record[f"Within {tolerance}"] = f"{successes}/{len(group)} [{low:.0%}, {high:.0%}]"
+            record[f"Within {tolerance}"] = rate(successes, len(group))
         records.append(record)
     return Table(
         "success",

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from harness.chance import rate
 from harness.pair_tables import thesis_values
 from harness.random_groups import within
 from harness.random_schema import RandomPairsExperiment
@@ -80,8 +81,7 @@ def answer_table(experiment: Experiment | RandomPairsExperiment, rows: pd.DataFr
     for score in lines:
         record: dict[str, Any] = {"Method": score.label, COUNT: score.trials}
         for tolerance, right in ((COARSE, score.right), (FINE, score.fine)):
-            low, high = wilson_interval(right, score.trials)
-            record[f"Within {tolerance}"] = f"{right}/{score.trials} [{low:.0%}, {high:.0%}]"
+            record[f"Within {tolerance}"] = rate(right, score.trials)
         record |= {
             ROTATION: score.rotation_deg, TRANSLATION: score.translation_mm, TIME: score.time_ms,
         }  # fmt: skip
