@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -14,15 +14,15 @@ from experiments.medians import Median, median_of
 from experiments.profile_summary import profile_seconds, profile_summary
 from harness.chance import rate
 from harness.pair_tables import COLUMNS, NAMES, printed_six, thesis_values
+from harness.row_scores import ERRORS, within
 from harness.schema import Experiment, Pair
-from harness.scoring import COARSE, PoseError, is_success, pose_error
+from harness.scoring import COARSE, pose_error
 from harness.table_files import Table
 from harness.trials import Trial
 from harness.views import LABEL_ORDER
 from registration.scan import FloatArray
 
-ERRORS = ("Error, rotation angle (deg)", "Error, translation norm (mm)")
-ERROR_COLUMNS = ("rotation_error_deg", "translation_error_mm")
+ERROR_NAMES = ("Error, rotation angle (deg)", "Error, translation norm (mm)")
 # Sections 6.3 to 6.5, "about": Matlab on a Pentium III at 933 MHz.
 THESIS_SECONDS = {"6.1": 16.0, "6.2": 6.0, "6.3": 6.0, "6.4": 60.0, "6.5": 60.0}
 
@@ -105,11 +105,10 @@ def comparison_table(pairs: Sequence[PrintedPair]) -> Table:
             record: dict[str, Any] = {"Table": each.name, "Method": method}
             answered = rows["status"] == "ok"
             record["Answered"] = rate(int(answered.sum()), len(rows))
-            record[f"Within {COARSE.rotation_deg:g} deg, {COARSE.translation_mm:g} mm"] = rate(
-                int(sum(_right(row) for row in rows.to_dict("records"))), len(rows)
-            )
+            limits = f"{COARSE.rotation_deg:g} deg, {COARSE.translation_mm:g} mm"
+            record[f"Within {limits}"] = rate(int(within(rows, COARSE).sum()), len(rows))
             for column, what, unit, limit in zip(
-                ERROR_COLUMNS, ("Rotation", "Translation"), ("deg", "mm"), theirs[1][6:],
+                ERRORS, ("Rotation", "Translation"), ("deg", "mm"), theirs[1][6:],
                 strict=True,
             ):  # fmt: skip
                 errors = rows[column].where(answered, np.inf).to_numpy(dtype=np.float64)
@@ -159,7 +158,7 @@ def estimate_table(pairs: Sequence[PrintedPair]) -> Table:
                 record[method] = _median(rows, f"estimated_{column}").text(".2f")
             records.append(record)
         off = _theoretical_error(first)
-        for place, (name, column) in enumerate(zip(ERRORS, ERROR_COLUMNS, strict=True)):
+        for place, (name, column) in enumerate(zip(ERROR_NAMES, ERRORS, strict=True)):
             record = {"Table": each.name, "Parameter": name}
             record |= {KNOWN[1]: off[place], KNOWN[3]: theirs[1][6 + place]}
             for method, rows in answered.items():
@@ -193,7 +192,7 @@ def number_table(pairs: Sequence[PrintedPair]) -> Table:
             answered = rows[rows["status"] == "ok"]
             for name, columns in (
                 *((c, (f"estimated_{c}", f"error_{c}")) for c in COLUMNS),
-                *((c, (None, c)) for c in ERROR_COLUMNS),
+                *((c, (None, c)) for c in ERRORS),
             ):
                 record: dict[str, Any] = {"table": each.name, "method": method, "parameter": name}
                 record |= {"trials": len(rows), "answered": len(answered)}
@@ -276,8 +275,3 @@ def _theoretical_error(row: pd.Series[Any]) -> tuple[float, float]:
 
 def _median(rows: pd.DataFrame, column: str) -> Median:
     return median_of(rows[column].to_numpy(dtype=np.float64))
-
-
-def _right(row: Mapping[Any, Any]) -> bool:
-    error = PoseError(np.deg2rad(row["rotation_error_deg"]), row["translation_error_mm"])
-    return row["status"] == "ok" and is_success(error, COARSE)

@@ -23,7 +23,7 @@ from experiments.discussion_tables import (
 from experiments.discussion_trials import PLAIN, DiscussionExperiment
 from harness.figures_page import Style, add_axes, new_figure, save
 from harness.looks import GREY, INK
-from harness.random_groups import within
+from harness.row_scores import within
 from harness.scoring import COARSE, wilson_interval
 
 METHODS = {"thesis": "#D55E00", "gauss_sphere": "#0072B2"}

@@ -12,7 +12,7 @@ import pandas as pd
 
 from experiments.discussion_trials import STAGES, DiscussionExperiment
 from harness.chance import median_text, rate
-from harness.random_groups import within
+from harness.row_scores import within
 from harness.schema import MethodChoice
 from harness.scoring import COARSE
 from harness.table_files import Table

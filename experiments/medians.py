@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.chance import median_interval
+from harness.row_scores import observed_quantile
 from harness.table_files import printed
 from registration.scan import FloatArray
 
@@ -30,8 +31,4 @@ class Median(NamedTuple):
 
 def median_of(values: FloatArray) -> Median:
     """The median of values (n,), infinite ones among them, and its interval, NaN of too few."""
-    if len(values) == 0:
-        return Median(np.nan, np.nan, np.nan)
-    # An observed value, not one between two: half of infinity means nothing.
-    middle = float(np.quantile(values, 0.5, method="higher"))
-    return Median(middle, *(median_interval(values) or (np.nan, np.nan)))
+    return Median(observed_quantile(values, 0.5), *(median_interval(values) or (np.nan, np.nan)))

@@ -11,13 +11,12 @@ import pandas as pd
 from scipy.stats import bootstrap, wilcoxon
 
 from harness.chance import FEWEST, LEVEL, sign_test
-from harness.random_groups import within
+from harness.row_scores import ERRORS, within
 from harness.scoring import COARSE
 from harness.table_files import Table
 from registration.scan import FloatArray
 
 RESAMPLES = 2000
-ERRORS = {"rotation_error_deg": "deg", "translation_error_mm": "mm"}
 
 
 def matched(one: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness.compare import ERRORS
 from harness.figures_page import Style, add_axes, new_figure, save
 from harness.looks import GREY, INK, MARK, TARGET
+from harness.row_scores import ERRORS
 
 SMALLEST = 1e-4  # deg and mm: what is less, as without noise, is drawn here
 PANEL_IN = 3.2

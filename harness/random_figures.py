@@ -17,8 +17,9 @@ from harness.figures_page import Style, add_axes, new_figure, save
 from harness.looks import GREY, INK
 from harness.normalised_errors import COUNTED, squared_distances
 from harness.pair_tables import NAMES
-from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family, within
+from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family
 from harness.random_tables import bound_table
+from harness.row_scores import within
 from harness.scoring import COARSE, FINE, wilson_interval
 
 # Okabe and Ito's colours, safe for the colour-blind.

@@ -11,7 +11,8 @@ from scipy.stats import chi2
 from harness.normalised_errors import COUNTED, bound_ratios, squared_distances
 from harness.notes import with_notes
 from harness.pair_tables import NAMES
-from harness.random_groups import THRESHOLDS, banded, grouped, with_family, within
+from harness.random_groups import THRESHOLDS, banded, grouped, with_family
+from harness.row_scores import ERRORS, error_quantiles, within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.table_files import Table
 
@@ -95,21 +96,11 @@ def accuracy_table(rows: pd.DataFrame) -> Table:
     """Quantiles of the errors, over the successes and over all pairs."""
     records = []
     for family, method, group in grouped(rows):
-        errors = group[["rotation_error_deg", "translation_error_mm"]].astype(np.float64)
+        errors = group[list(ERRORS)].astype(np.float64)
         answered = errors.where(group["status"] == "ok", np.inf).fillna(np.inf)
         for over, values in (("successes", errors[within(group, COARSE)]), ("all", answered)):
-            record: dict[str, Any] = {"Scenes": family, "Method": method, "Over": over}
-            record["Pairs"] = len(values)
-            for column, unit in (("rotation_error_deg", "deg"), ("translation_error_mm", "mm")):
-                kind = column.split("_")[0].capitalize()
-                for name, q in (("median", 0.5), ("90 %", 0.9)):
-                    # An observed value, not one between two: half of infinity means nothing.
-                    record[f"{kind} {name} ({unit})"] = (
-                        float(np.quantile(values[column], q, method="higher"))
-                        if len(values)
-                        else np.nan
-                    )
-            records.append(record)
+            record = {"Scenes": family, "Method": method, "Over": over, "Pairs": len(values)}
+            records.append(record | error_quantiles(values))
     frame = pd.DataFrame(records)
     return Table(
         "accuracy",

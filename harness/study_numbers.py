@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from harness.chance import LEVEL, sign_test
-from harness.random_groups import within
+from harness.row_scores import within
 from harness.scoring import COARSE, wilson_interval
 from registration.scan import BoolArray, FloatArray
 

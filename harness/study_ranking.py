@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from harness.chance import LEVEL, median_interval
 from harness.figures_page import add_axes, new_figure
 from harness.looks import GREY
-from harness.random_groups import with_family, within
+from harness.random_groups import with_family
+from harness.row_scores import within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.study_figures import COLOURS, foot_in, logarithmic, share_map
 from harness.study_numbers import gained_lost, listed, outcomes, smaller_p

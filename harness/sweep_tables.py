@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.random_groups import within
+from harness.row_scores import within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.sweep import short_names
 from harness.table_files import Table

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from harness.chance import FEWEST, LEVEL, median_interval, median_text, rate, sign_test
-from harness.random_groups import with_family, within
+from harness.random_groups import with_family
+from harness.row_scores import within
 from harness.schema import MethodChoice
 from harness.scoring import COARSE
 from harness.table_files import Table

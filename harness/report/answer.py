@@ -9,8 +9,8 @@ import pandas as pd
 
 from harness.chance import rate
 from harness.pair_tables import thesis_values
-from harness.random_groups import within
 from harness.random_schema import RandomPairsExperiment
+from harness.row_scores import ERRORS, observed_quantile, within
 from harness.schema import Experiment
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.table_files import Table
@@ -38,7 +38,7 @@ def scores(rows: pd.DataFrame) -> list[Score]:
     """By method, over the trials of the whole method; rows as store.load gives them."""
     found = []
     for label, group in rows[rows["given"] == ""].groupby("method", sort=False):
-        errors = group[["rotation_error_deg", "translation_error_mm"]].astype(np.float64)
+        errors = group[list(ERRORS)].astype(np.float64)
         known = errors.where(group["status"] == "ok", np.inf).fillna(np.inf)
         times = np.zeros(0)
         if "ms_registration" in group:
@@ -49,8 +49,8 @@ def scores(rows: pd.DataFrame) -> list[Score]:
                 len(group),
                 int(within(group, COARSE).sum()),
                 int(within(group, FINE).sum()),
-                _middle(known["rotation_error_deg"].to_numpy()),
-                _middle(known["translation_error_mm"].to_numpy()),
+                observed_quantile(known["rotation_error_deg"].to_numpy(), 0.5),
+                observed_quantile(known["translation_error_mm"].to_numpy(), 0.5),
                 float(np.median(times)) if len(times) else np.nan,
             )
         )
@@ -69,7 +69,7 @@ def thesis_score(experiment: Experiment | RandomPairsExperiment) -> Score | None
         int(((errors[:, 0] <= t.rotation_deg) & (errors[:, 1] <= t.translation_mm)).sum())
         for t in (COARSE, FINE)
     )
-    angle_deg, length_mm = _middle(errors[:, 0]), _middle(errors[:, 1])
+    angle_deg, length_mm = (observed_quantile(each, 0.5) for each in errors.T)
     return Score("The thesis, as printed", len(errors), right, fine, angle_deg, length_mm, np.nan)
 
 
@@ -139,8 +139,3 @@ def answer_sentence(experiment: Experiment | RandomPairsExperiment, rows: pd.Dat
 
 def _error(score: Score) -> str:
     return f"{score.rotation_deg:.2g}° and {score.translation_mm:.2g} mm"
-
-
-def _middle(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    """The median, an observed value: half of infinity means nothing."""
-    return float(np.quantile(values, 0.5, method="higher")) if len(values) else np.nan

@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 
 from harness.notes import with_notes
-from harness.random_groups import within
 from harness.report.faults import stage_at_fault
 from harness.report.folder import still_path
 from harness.report.markup import escaped, table_markup
 from harness.report.offered import worst_first
 from harness.report.thumbnail import GAP, HEIGHT, WIDTH
+from harness.row_scores import within
 from harness.scoring import COARSE
 from harness.sweep import short_names
 from harness.sweep_tables import PREFIX, swept_keys

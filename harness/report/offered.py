@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 import pandas as pd
 
-from harness.random_groups import within
+from harness.row_scores import within
 from harness.scoring import COARSE
 
 WORST = 6  # trials that are no success, of each experiment

@@ -22,11 +22,11 @@ from harness.report.page import FILE_NAME, Part, Shown, page_markup
 from harness.report.pair_studies import pair_study
 from harness.report.records import provided
 from harness.report.studies import study
+from harness.row_scores import ERRORS
 from harness.session import Session
 from harness.store import load
 from harness.table_files import Table, write_table
 
-ERRORS = ("rotation_error_deg", "translation_error_mm")
 LISTED = 20_000  # trials that are found by their id
 SENSOR_TABLES = ("sensor_card", "geometry_fits", "arm")
 
