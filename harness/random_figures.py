@@ -14,16 +14,15 @@ from matplotlib.ticker import LogLocator
 from scipy.stats import chi2
 
 from harness.figures_page import Style, add_axes, new_figure, save
-from harness.looks import GREY, INK
+from harness.looks import GREY
 from harness.normalised_errors import COUNTED, squared_distances
 from harness.pair_tables import NAMES
 from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family
 from harness.random_tables import bound_table
 from harness.row_scores import within
 from harness.scoring import COARSE, FINE, wilson_interval
+from harness.study_figures import COLOURS
 
-# Okabe and Ito's colours, safe for the colour-blind.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", INK)
 SHOWN_BANDS = BANDS[:3]
 MOST_METHODS = len(COLOURS)  # more cannot be told apart
 CROWD = 4  # methods from which on their intervals would hide each other

@@ -1,4 +1,4 @@
-"""What the figures of studies share: colours, curves with intervals, maps of shares."""
+"""What the figures of studies and random pairs share: colours, intervals, maps of shares."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.chance import LEVEL, sign_test
+from harness.chance import LEVEL, median_interval, sign_test
 from harness.row_scores import within
 from harness.scoring import COARSE, wilson_interval
 from registration.scan import BoolArray, FloatArray
@@ -16,6 +16,10 @@ from registration.scan import BoolArray, FloatArray
 ROTATION, TRANSLATION = "Rotation error (deg)", "Translation error (mm)"
 ERRORS = {ROTATION: "rotation_cut_deg", TRANSLATION: "translation_cut_mm"}
 ERROR_FORMATS = {ROTATION: ".2f", TRANSLATION: ".1f"}
+MEDIANS = {
+    "Median rotation error (deg)": "rotation_error_deg",
+    "Median translation error (mm)": "translation_error_mm",
+}
 RESAMPLES = 1000
 RIGHT = f"Right: answered ok, within {COARSE}, with Wilson's 95 % interval."
 CUT = (
@@ -63,6 +67,28 @@ def record_formats() -> dict[str, str]:
     return formats
 
 
+def medians_of(right: pd.DataFrame) -> dict[str, float]:
+    """Median errors of the rows that are right, and their intervals by order statistics.
+
+    NaN where there are too few.
+    """
+    record = {}
+    for name, column in MEDIANS.items():
+        values = right[column].to_numpy(dtype=float)
+        low, high = median_interval(values) or (np.nan, np.nan)
+        record[name] = float(np.median(values)) if len(values) else np.nan
+        record |= {f"{name} low": low, f"{name} high": high}
+    return record
+
+
+def median_formats() -> dict[str, str]:
+    """How the columns of medians_of are printed."""
+    formats: dict[str, str] = {}
+    for name, form in zip(MEDIANS, (".3f", ".2f"), strict=True):
+        formats |= dict.fromkeys((name, f"{name} low", f"{name} high"), form)
+    return formats
+
+
 def mean_interval(values: FloatArray) -> tuple[float, float]:
     """The 95 % interval of a mean by the percentile bootstrap, the same for the same values."""
     if not len(values):
@@ -106,6 +132,11 @@ def beyond_chance(p_values: Sequence[float], level: float = 1.0 - LEVEL) -> Bool
     held = np.zeros(len(p), dtype=bool)
     held[order[:first_failed]] = True
     return held
+
+
+def without_unit(name: object) -> str:
+    """What a parameter or an error is called, its unit in brackets left out."""
+    return str(name).partition(" (")[0]
 
 
 def listed(names: Iterable[str]) -> str:

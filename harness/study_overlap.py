@@ -6,22 +6,19 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from scipy.stats import spearmanr
 
-from harness.chance import LEVEL, median_interval
+from harness.chance import LEVEL
 from harness.figures_page import add_axes, new_figure
 from harness.random_groups import with_family
 from harness.scoring import wilson_interval
 from harness.study_figures import colours_of, foot_in, logarithmic, method_legend, with_interval
-from harness.study_numbers import RIGHT, outcomes
+from harness.study_numbers import MEDIANS, RIGHT, median_formats, medians_of, outcomes
 from harness.table_files import Table
 
 ENOUGH = 0.9  # share right from which on the overlap is said to be enough
-MEDIANS = {"Median rotation error (deg)": "rotation_error_deg",
-           "Median translation error (mm)": "translation_error_mm"}  # fmt: skip
 ALL = "all"
 
 
@@ -44,8 +41,6 @@ def overlap_table(rows: pd.DataFrame, edges: Sequence[float]) -> Table:
                     | _record(group)
                 )
     formats = dict.fromkeys(("From", "To", "Right", "Right low", "Right high"), ".0%")
-    for name, form in zip(MEDIANS, (".3f", ".2f"), strict=True):
-        formats |= dict.fromkeys((name, f"{name} low", f"{name} high"), form)
     return Table(
         "study_overlap",
         "Accuracy against overlap",
@@ -53,7 +48,7 @@ def overlap_table(rows: pd.DataFrame, edges: Sequence[float]) -> Table:
         "Medians are over the right ones, with their 95 % interval by order statistics where there "
         "are 6 or more.",
         pd.DataFrame(records),
-        formats | {"Mean overlap": ".0%", "Pairs": "d"},
+        formats | median_formats() | {"Mean overlap": ".0%", "Pairs": "d"},
     )
 
 
@@ -77,13 +72,7 @@ def _record(group: pd.DataFrame) -> dict[str, Any]:
     right = group[group["right"]]
     low, high = wilson_interval(len(right), len(group))
     record: dict[str, Any] = {"Pairs": len(group), "Right": len(right) / len(group)}
-    record |= {"Right low": low, "Right high": high}
-    for name, column in MEDIANS.items():
-        values = right[column].to_numpy(dtype=float)
-        bounds = median_interval(values) or (np.nan, np.nan)
-        record |= {name: float(np.median(values)) if len(values) else np.nan}
-        record |= {f"{name} low": bounds[0], f"{name} high": bounds[1]}
-    return record
+    return record | {"Right low": low, "Right high": high} | medians_of(right)
 
 
 def overlap_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, str]:
