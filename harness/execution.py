@@ -12,7 +12,7 @@ import numpy as np
 
 from harness import diagnosis
 from harness.common_points import Common, common_points, pose_bounds
-from harness.face_gaps import FaceGaps, centroid_gaps, only
+from harness.face_gaps import FaceGaps, centroid_gaps
 from harness.pair_view import PairView
 from harness.random_pairs import NoPairError, RandomSpec, drawn_spec
 from harness.recent import Recent
@@ -149,12 +149,7 @@ def _register(spec: TrialSpec, target: Scan, source: Scan) -> RegistrationResult
         return diagnosis.register_with_true_rotation(target, source, T_exact, spec.method.params)
     hits = _both_hits(spec)
     if spec.given == "shared_patches":
-        sensor, scene = _sensor(spec), _scene(spec)
-        paths = spec.path(spec.target), spec.path(spec.source)
-        hits = (
-            diagnosis.only_shared(hits[0], sensor, scene, paths[0], paths[1]),
-            diagnosis.only_shared(hits[1], sensor, scene, paths[1], paths[0]),
-        )
+        hits = _both_shared(spec)
     enter = diagnosis.register_with_true_patches
     if spec.given == "segments":
         enter = diagnosis.register_with_true_segments
@@ -199,16 +194,13 @@ def common(spec: TrialSpec) -> Common:
 
 def face_gaps(spec: TrialSpec) -> FaceGaps:
     """How far apart both views of a trial of `thesis` see the middles of the same faces."""
-    target, source = _both_hits(spec)
     T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
-    both = common(spec)
 
     def gaps(one: Hits, other: Hits) -> FloatArray:
         apex_mm = _sensor(spec).apex_mm
         return centroid_gaps(one, other, T_exact, apex_mm, spec.method.params)
 
-    shared = gaps(only(target, both.target), only(source, both.source))
-    return FaceGaps(gaps(target, source), shared)
+    return FaceGaps(gaps(*_both_hits(spec)), gaps(*_both_shared(spec)))
 
 
 def _pose_bounds(spec: TrialSpec, target: Scan, source: Scan) -> FloatArray | None:
@@ -225,6 +217,12 @@ def _pose_bounds(spec: TrialSpec, target: Scan, source: Scan) -> FloatArray | No
 
 def _both_hits(spec: TrialSpec) -> tuple[Hits, Hits]:
     return _view_hits(spec, spec.target), _view_hits(spec, spec.source)
+
+
+def _both_shared(spec: TrialSpec) -> tuple[Hits, Hits]:
+    """The hits of either view that the other view sees too."""
+    (target, source), both = _both_hits(spec), common(spec)
+    return diagnosis.only(target, both.target), diagnosis.only(source, both.source)
 
 
 def _view_hits(spec: TrialSpec, view: ViewSpec) -> Hits:
