@@ -16,7 +16,6 @@ from harness.threads import limit_threads
 limit_threads()
 
 import argparse  # noqa: E402
-import hashlib  # noqa: E402
 from collections import defaultdict  # noqa: E402
 from collections.abc import Callable, Sequence  # noqa: E402
 from dataclasses import dataclass, replace  # noqa: E402
@@ -34,7 +33,7 @@ from harness.execution import full_spec  # noqa: E402
 from harness.normalised_errors import squared_distances  # noqa: E402
 from harness.random_pairs import build_random_trials  # noqa: E402
 from harness.scoring import COARSE, exact_pose, pose_error  # noqa: E402
-from harness.trials import TrialSpec  # noqa: E402
+from harness.trials import TrialSpec, keyed_rng  # noqa: E402
 from harness.views import ViewSpec  # noqa: E402
 from registration import RegistrationResult, Scan, register  # noqa: E402
 from scenes import SCENES, SceneEntry  # noqa: E402
@@ -139,12 +138,6 @@ def changed_scan(
     return None
 
 
-def keyed(*coordinates: object) -> np.random.Generator:
-    """The random numbers of a change: other pairs and changes leave them as they are."""
-    digest = hashlib.sha256(repr(coordinates).encode()).digest()
-    return np.random.default_rng(int.from_bytes(digest))
-
-
 def outcome(result: RegistrationResult, T_exact: RigidTransform) -> dict[str, object]:
     """A row: what came of a pair, and for right answers how far off they are."""
     row: dict[str, object] = {"outcome": result.status, "doubt": False}
@@ -210,7 +203,10 @@ def main() -> None:
             continue
         T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
         sources = {"nothing": source} | {
-            name: changed_scan(spec, source, change, keyed(options.seed, trial.pair, name))
+            # Other pairs and changes leave the random numbers of a change as they are.
+            name: changed_scan(
+                spec, source, change, keyed_rng(repr((options.seed, trial.pair, name)))
+            )
             for name, change in CHANGES.items()
         }
         for name, scan in sources.items():

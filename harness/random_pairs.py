@@ -26,7 +26,7 @@ from harness.config_errors import ConfigError, Key
 from harness.random_schema import Family, RandomPairsExperiment
 from harness.recent import Recent
 from harness.schema import AimedView
-from harness.trials import Trial, Trials, TrialSpec, used_methods
+from harness.trials import Trial, Trials, TrialSpec, keyed_rng, used_methods
 from harness.views import ViewSpec
 from scenes import SCENES
 from scenes.scene import Scene
@@ -159,12 +159,10 @@ def drawn_spec(spec: RandomSpec, shares: Callable[[TrialSpec], tuple[float, floa
     """Draw the pair of a spec; the same spec gives the same pair, whatever the method or noise.
 
     Its profiles are those for which it is drawn.
-
     shares: exact shares of either view's points that the other sees. Raises NoPairError.
     """
     rules, line = spec.rules, spec.line
-    digest = hashlib.sha256(spec.pair_key().encode()).digest()
-    rng = np.random.default_rng(np.random.SeedSequence(int.from_bytes(digest)))
+    rng = keyed_rng(spec.pair_key())
     sensor: Sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
     scene = rules.scene
     if rules.new_scene:

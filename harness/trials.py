@@ -80,12 +80,16 @@ class TrialSpec:
 
     def view_rng(self, view: ViewSpec) -> np.random.Generator:
         """The random numbers of a view's scan, keyed by its coordinates and nothing else."""
-        digest = hashlib.sha256(self.view_key(view).encode()).digest()
-        return np.random.default_rng(np.random.SeedSequence(int.from_bytes(digest)))
+        return keyed_rng(self.view_key(view))
 
     def path(self, view: ViewSpec) -> ViewPath:
         """The viewing line of one of the trial's views."""
         return view.path(self.profiles, self.step_mm)
+
+
+def keyed_rng(key: str) -> np.random.Generator:
+    """The random numbers of a key, whatever else is drawn before or beside."""
+    return np.random.default_rng(int.from_bytes(hashlib.sha256(key.encode()).digest()))
 
 
 class Spec(Protocol):
