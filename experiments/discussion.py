@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from harness.card import card_table
 from harness.config import dump_yaml
 from harness.config_errors import ConfigError
 from harness.pool import MakeExecutor, process_pool
-from harness.provenance import code_fingerprint, run_facts
+from harness.provenance import code_fingerprint, note_run
 from harness.runner import Task, run
 from harness.scoring import pose_error
 from harness.store import FILE_NAME, Store, load
@@ -155,8 +154,7 @@ def perform_asked(
         done = store.finished(code)
         missing = {t.id: t for t in trials if t.id not in done}
         if missing:
-            facts = json.dumps(run_facts(code), indent=2)
-            (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+            note_run(folder, code)
         store.begin(trials)
         with reporting(make_console(), Tally(len(missing))) as reporter:
             tasks = [Task(trial, keep=True) for trial in missing.values()]

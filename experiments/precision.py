@@ -18,7 +18,7 @@ from harness.card import as_table, geometry_table
 from harness.choices import checked_params
 from harness.config import dump_yaml, overridden_mapping, validated
 from harness.config_errors import ConfigError, nearest
-from harness.provenance import code_fingerprint, run_facts
+from harness.provenance import code_fingerprint, note_run
 from harness.schema import Angle, Choice, Length, ScanSize
 from harness.strict import Strict
 from harness.table_files import Table, write_tables
@@ -166,8 +166,7 @@ def run_precision(
     resolved: dict[str, Any] = experiment.model_dump(mode="json")
     resolved["sensor"]["params"] = json.loads(json.dumps(dataclasses.asdict(params)))
     (folder / "config.yaml").write_text(dump_yaml(resolved), encoding="utf-8")
-    facts = run_facts(code_fingerprint(()))
-    (folder / "run.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+    note_run(folder, code_fingerprint(()))
     calibration.write(folder / "calibration.json")
     write_tables(tables, folder / "tables")
     draw_precision(measured, calibration, experiment.seed, folder / "figures")

@@ -21,7 +21,7 @@ from harness.config import check_names, dump_yaml, overridden_mapping, validated
 from harness.config_errors import ConfigError
 from harness.execution import scan_view
 from harness.pool import MakeExecutor, shutting_down
-from harness.provenance import code_fingerprint, run_facts
+from harness.provenance import code_fingerprint, note_run
 from harness.schema import Experiment
 from harness.scoring import pose_error, six_parameters
 from harness.table_files import Table, write_tables
@@ -239,8 +239,7 @@ def _keep(
     folder.mkdir(parents=True, exist_ok=True)
     (folder / ROWS).unlink(missing_ok=True)  # the last to be written: with it the rest is whole
     (folder / "config.yaml").write_text(dump_yaml(_resolved(experiment, trials)), encoding="utf-8")
-    facts = json.dumps(run_facts(_code(experiment)), indent=2)
-    (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+    note_run(folder, _code(experiment))
     rows[TIME_COLUMNS].to_csv(folder / TIMES, index=False, lineterminator="\n")
     draft = folder / f"{ROWS}.part"
     rows.drop(columns="ms").to_csv(draft, index=False, lineterminator="\n")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 import time
@@ -29,7 +28,7 @@ from experiments.terminal import make_console, show_paths, show_tables
 from harness.config import dump_yaml
 from harness.config_errors import ConfigError
 from harness.pool import MakeExecutor, process_pool
-from harness.provenance import code_fingerprint, run_facts
+from harness.provenance import code_fingerprint, note_run
 from harness.schema import Experiment
 from harness.store import FILE_NAME, StoreError, load
 from harness.table_files import Table, write_tables
@@ -159,5 +158,4 @@ def _write_facts(experiment: ChaptersExperiment, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     resolved = experiment.model_dump(mode="json", exclude_none=True)
     (folder / "config.yaml").write_text(dump_yaml(resolved), encoding="utf-8")
-    facts = json.dumps(run_facts(code_fingerprint(())), indent=2)
-    (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+    note_run(folder, code_fingerprint(()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ from harness.config import dump_yaml, load_experiment, overridden_mapping
 from harness.face_gaps import FaceGaps
 from harness.lazy import Lazy
 from harness.pool import MakeExecutor
-from harness.provenance import Sources, code_fingerprint, run_facts
+from harness.provenance import Sources, code_fingerprint, note_run
 from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
 from harness.report.folder import FOLDER as RECORDS
@@ -148,8 +147,7 @@ def execute(
 ) -> Iterator[Done]:
     """Note what is run by what, then perform the tasks; hands each on as it ends."""
     if planned.missing:
-        facts = json.dumps(run_facts(session.code), indent=2)
-        (session.folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+        note_run(session.folder, session.code)
     (session.folder / "config.yaml").write_text(dump_yaml(resolved(session)), encoding="utf-8")
     store.forget_drawings(session.trials)
     limits = session.experiment.limits
