@@ -9,7 +9,8 @@ from pathlib import Path
 from experiments.discussion import check_rows, rehearse_discussion, run_discussion
 from experiments.discussion_trials import KIND as DISCUSSION
 from experiments.precision import rehearse_precision, run_precision
-from experiments.profile_pairs import KIND, check_kept, rehearse_profiles, run_profiles
+from experiments.profile_pairs import KIND as PROFILES
+from experiments.profile_pairs import check_kept, rehearse_profiles, run_profiles
 from experiments.terminal import make_console, show_paths, show_tables
 from harness.config import read_mapping
 from harness.config_errors import ConfigError
@@ -21,14 +22,14 @@ Run = Callable[[Path, Path | None, Sequence[str], int | None], tuple[list[Table]
 # By the key `experiment` of the config; harness.config.experiment_kind reads it.
 RUNS: dict[str, Run] = {
     "precision": run_precision,
-    KIND: run_profiles,
+    PROFILES: run_profiles,
     DISCUSSION: run_discussion,
 }
 
 Rehearsal = Callable[[Path, Path | None, Sequence[str], int | None], list[str]]
 REHEARSALS: dict[str, Rehearsal] = {
     "precision": rehearse_precision,
-    KIND: rehearse_profiles,
+    PROFILES: rehearse_profiles,
     DISCUSSION: rehearse_discussion,
 }
 
@@ -49,7 +50,7 @@ def check_reportable(
     if kind == DISCUSSION:
         check_rows(config, folder, overrides, seed)
         return
-    if kind != KIND:
+    if kind != PROFILES:
         message = (
             f"{config} keeps no scans to report on, only its tables and figures: without "
             "--report-only it measures anew, which takes seconds"
