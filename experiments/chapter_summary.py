@@ -8,15 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.transform import RigidTransform
 
 from experiments.medians import Median, median_of
 from experiments.profile_summary import profile_seconds, profile_summary
 from harness.chance import rate
-from harness.pair_tables import COLUMNS, NAMES, printed_six, thesis_values
+from harness.pair_tables import COLUMNS, NAMES, printed_six, theoretical_error, thesis_values
 from harness.row_scores import ERRORS, within
 from harness.schema import Experiment, Pair
-from harness.scoring import COARSE, pose_error
+from harness.scoring import COARSE
 from harness.table_files import Table
 from harness.trials import Trial
 from harness.views import LABEL_ORDER
@@ -157,7 +156,7 @@ def estimate_table(pairs: Sequence[PrintedPair]) -> Table:
             for method, rows in answered.items():
                 record[method] = _median(rows, f"estimated_{column}").text(".2f")
             records.append(record)
-        off = _theoretical_error(first)
+        off = theoretical_error(first)
         for place, (name, column) in enumerate(zip(ERROR_NAMES, ERRORS, strict=True)):
             record = {"Table": each.name, "Parameter": name}
             record |= {KNOWN[1]: off[place], KNOWN[3]: theirs[1][6 + place]}
@@ -247,30 +246,24 @@ def _joined(name: str, parts: Sequence[PartResult]) -> list[Table]:
     found = [(part.name, table) for part in parts for table in part.tables if table.name == name]
     if not found:
         return []
-    frames = []
-    for part, table in found:
-        frame = table.frame.copy()
-        frame.insert(0, "Part", part)
-        frames.append(frame)
     first = found[0][1]
     notes = "".join(table.note for _, table in found)
-    frame = pd.concat(frames, ignore_index=True)
     formats = {column: form for _, table in found for column, form in table.formats.items()}
+    frame = part_by_part(found)
     return [Table(name, first.title, first.caption, frame, formats, notes, in_full=True)]
+
+
+def part_by_part(tables: Sequence[tuple[str, Table]]) -> pd.DataFrame:
+    """The frames of tables one below the other, each line with the name of its part."""
+    frames = [table.frame.copy() for _, table in tables]
+    for frame, (part, _) in zip(frames, tables, strict=True):
+        frame.insert(0, "Part", part)
+    return pd.concat(frames, ignore_index=True)
 
 
 def _six(row: pd.Series[Any], kind: str) -> FloatArray:
     six: FloatArray = row[[f"{kind}_{column}" for column in COLUMNS]].to_numpy(dtype=np.float64)
     return six
-
-
-def _theoretical_error(row: pd.Series[Any]) -> tuple[float, float]:
-    """How far the encoders' pose is off the exact one, degrees and mm; NaN without an arm."""
-    if row["T_theoretical"] is None:
-        return np.nan, np.nan
-    poses = (RigidTransform.from_matrix(row[f"T_{kind}"]) for kind in ("exact", "theoretical"))
-    error = pose_error(*poses)
-    return float(np.rad2deg(error.rotation_rad)), error.translation_mm
 
 
 def _median(rows: pd.DataFrame, column: str) -> Median:
