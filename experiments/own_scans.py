@@ -16,7 +16,7 @@ from rich.console import Console
 
 from experiments.cli import EXIT_FAILED, EXIT_OK
 from experiments.terminal import make_console
-from harness.clouds import SOURCE_RGB, TARGET_RGB, measured_points, write_cloud
+from harness.clouds import write_merged
 from harness.config_errors import ConfigError
 from harness.provenance import run_facts
 from harness.report.own_page import write_own_page
@@ -81,8 +81,7 @@ def register_files(
         )  # fmt: skip
         written = [f"{page}  the pair in 3D, opens in any browser", str(answer)]
         if pose is not None:
-            merged = [measured_points(target), pose.apply(measured_points(source))]
-            cloud = write_cloud(folder / "merged.ply", merged, [TARGET_RGB, SOURCE_RGB])
+            cloud = write_merged(folder / "merged.ply", target, source, pose)
             written.insert(1, f"{cloud}  target blue, source orange, in mm")
     except OSError as error:
         message = f"{folder} cannot be a results folder: {error.strerror}; give another"

@@ -18,7 +18,7 @@ from experiments.precision import (
     beam_errors_mm,
     raw,
 )
-from harness.figures_page import LEFT_IN, WIDTH_IN, Style, add_axes, new_figure, save
+from harness.figures_page import LEFT_IN, WIDTH_IN, add_axes, new_figure, page_style, save
 from harness.looks import MARK, SOURCE, TARGET
 from registration.calibration import Calibration
 from registration.scan import Scan
@@ -52,7 +52,7 @@ def draw_precision(
     }
     files = []
     for name, draw in figures.items():
-        with Style():
+        with page_style():
             files.append(save(draw(), folder / f"{name}.png"))
     return files
 

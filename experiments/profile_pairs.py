@@ -22,6 +22,7 @@ from harness.config_errors import ConfigError
 from harness.execution import scan_view
 from harness.pool import MakeExecutor, shutting_down
 from harness.provenance import code_fingerprint, note_run
+from harness.report.packing import write_whole
 from harness.resolved import with_defaults
 from harness.schema import Experiment
 from harness.scoring import pose_error, six_parameters
@@ -243,9 +244,8 @@ def _keep(
     (folder / "config.yaml").write_text(config, encoding="utf-8")
     note_run(folder, _code(experiment))
     rows[TIME_COLUMNS].to_csv(folder / TIMES, index=False, lineterminator="\n")
-    draft = folder / f"{ROWS}.part"
-    rows.drop(columns="ms").to_csv(draft, index=False, lineterminator="\n")
-    draft.replace(folder / ROWS)
+    text = rows.drop(columns="ms").to_csv(index=False, lineterminator="\n")
+    write_whole(folder / ROWS, text.encode())
 
 
 def _code(experiment: ProfilesExperiment) -> str:

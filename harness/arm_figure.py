@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from harness.figures_page import Style, add_axes, new_figure, save
+from harness.figures_page import add_axes, new_figure, page_style, save
 from scenes.picture import VIEW_COLOURS, Camera, camera_on
 from scenes.raster import Polygons, Shot, draw
 from scenes.scene import FloatArray, Scene
@@ -73,7 +73,7 @@ def draw_arm(
         "The arm is half-way along its line. The arrow is the sensor's path, from the first "
         "profile to the last; the outlines are its field at both ends, faint where hidden."
     )
-    with Style():
+    with page_style():
         figure = new_figure(title, HEAD_IN + rows * (TITLE_IN + TALL_IN + GAP_IN) + FOOT_IN, note)
         for place, panel in enumerate(panels):
             bottom_in = FOOT_IN + (rows - 1 - place // 2) * (TITLE_IN + TALL_IN + GAP_IN)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import io
-import os
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from PIL import Image
 
 from harness.looks import FRONT, GREY, INK, TOP, Projection, limits
 from harness.pair_view import PairView
+from harness.report.packing import write_whole
 from registration.scan import FloatArray, IntArray, Scan
 
 AXES = ("X, motion (mm)", "Y, lateral (mm)", "Z, depth (mm)")
@@ -48,19 +49,13 @@ STYLE: Any = {
 }
 
 
-class Style:
-    """The style of every figure, whatever the user's matplotlibrc says; a context manager."""
-
-    def __init__(self) -> None:
-        self._context = matplotlib.rc_context()
-
-    def __enter__(self) -> None:
-        self._context.__enter__()
+@contextmanager
+def page_style() -> Iterator[None]:
+    """The style of every figure, whatever the user's matplotlibrc says."""
+    with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
-
-    def __exit__(self, *raised: object) -> None:
-        self._context.__exit__(None, None, None)
+        yield
 
 
 def projections(
@@ -183,7 +178,7 @@ def save(figure: Figure, path: Path) -> Path:
     image = image.convert("RGB").quantize(
         255, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
     )
-    draft = path.with_name(f"{path.stem}.{os.getpid()}.part")
-    image.save(draft, format="PNG", compress_level=7)
-    draft.replace(path)
+    data = io.BytesIO()
+    image.save(data, format="PNG", compress_level=7)
+    write_whole(path, data.getvalue())
     return path

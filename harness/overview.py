@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import RigidTransform
 
 from harness.arm_figure import draw_arm
-from harness.clouds import measured_points, write_cloud
+from harness.clouds import write_cloud
 from harness.execution import scan_view
-from harness.figures_page import Style, mixed_order, projections, save, thinned
+from harness.figures_page import mixed_order, page_style, projections, save, thinned
 from harness.looks import FRONT, TOP
 from harness.multiview import NO_COVARIANCE, middle_view, poses_in, usable
 from harness.pair_view import PairView, file_slug
@@ -110,9 +110,8 @@ def _draw_superpositions(
     views = _views(drawn)
     if len(views) < 3:
         return []
-    points_mm = {
-        name: measured_points(scan_view(spec, view)) for name, (spec, view) in views.items()
-    }
+    scans = {name: scan_view(spec, view) for name, (spec, view) in views.items()}
+    points_mm = {name: scan.points_mm[scan.valid] for name, scan in scans.items()}
     colours = _colours(points_mm)
     files = []
     for label in dict.fromkeys(trial.label for trial, _ in drawn):
@@ -125,7 +124,7 @@ def _draw_superpositions(
         slug = f"{PREFIX}{file_slug(label)}"
         file = folder / "figures" / f"{slug}_superposed.png"
         file.parent.mkdir(parents=True, exist_ok=True)
-        with Style():
+        with page_style():
             files.append(save(superposition(points_mm, poses, truth, title), file))
         moved = [pose.apply(points_mm[name]) for name, pose in poses.items()]
         rgb = [_bytes(colours[name]) for name in poses]
@@ -143,7 +142,7 @@ def draw_superposed_pairs(pairs: Sequence[PairView], title: str) -> Figure:
     for pair in pairs:
         names = pair.target_view, pair.source_view
         for name, scan in zip(names, (pair.target, pair.source), strict=True):
-            points_mm[name] = measured_points(scan)
+            points_mm[name] = scan.points_mm[scan.valid]
         exact.append(RelativePose(*names, pair.T_target_source_exact, NO_COVARIANCE))
         pose = pair.result.T_target_source
         if pose is not None:

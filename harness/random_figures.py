@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 from scipy.stats import chi2
 
-from harness.figures_page import Style, add_axes, new_figure, save
+from harness.figures_page import add_axes, new_figure, page_style, save
 from harness.looks import GREY
 from harness.normalised_errors import COUNTED, squared_distances
 from harness.pair_tables import NAMES
@@ -40,7 +40,7 @@ def draw_random_figures(rows: pd.DataFrame, folder: Path) -> list[Path]:
     }
     files = []
     for name, draw in figures.items():
-        with Style():
+        with page_style():
             figure = draw(known)
             if figure is not None:
                 files.append(save(figure, folder / f"random_{name}.png"))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness.figures_page import Style, save
+from harness.figures_page import page_style, save
 from harness.random_schema import RandomPairsExperiment
 from harness.study_curves import curves_conclusion, curves_table, draw_errors, draw_success
 from harness.study_effects import draw_effects, effects_conclusion, effects_table
@@ -91,6 +91,6 @@ def draw_study(findings: Findings, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     files = []
     for name, draw in findings.figures.items():
-        with Style():
+        with page_style():
             files.append(save(draw(), folder / f"{FIGURE}{name}.png"))
     return files
