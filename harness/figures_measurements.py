@@ -105,6 +105,13 @@ def _busiest_profile(scan: Scan) -> int:
     return int(np.lexsort((distance, -counts))[0])
 
 
+def face_by_face(profile_mm: FloatArray) -> FloatArray:
+    """(n, 2) Y and Z of a profile (n, 3), cut where the depth jumps: no line from face to face."""
+    line = profile_mm[:, 1:].copy()
+    line[1:][np.abs(np.diff(line[:, 1])) > JUMP_MM] = np.nan
+    return line
+
+
 def _draw_detail(ax: Axes, before_mm: FloatArray, after_mm: FloatArray) -> None:
     """The middle part of a profile, to scale."""
     valid = np.isfinite(before_mm[:, 2])
@@ -116,9 +123,7 @@ def _draw_detail(ax: Axes, before_mm: FloatArray, after_mm: FloatArray) -> None:
     middle_y = float(np.median(y))
     middle_z = float(np.median(z[np.abs(y - middle_y) <= half]))
     ax.plot(y, z, "o", ms=3.2, mew=0, color=SOURCE, label="measured")
-    line = after_mm[:, 1:].copy()
-    line[1:][np.abs(np.diff(line[:, 1])) > JUMP_MM] = np.nan  # no line from face to face
-    ax.plot(*line.T, ".-", ms=2.5, lw=0.9, color=TARGET, label="filtered")
+    ax.plot(*face_by_face(after_mm).T, ".-", ms=2.5, lw=0.9, color=TARGET, label="filtered")
     ax.set_xlim(middle_y - half, middle_y + half)
     frame = ax.get_window_extent()
     room = half * frame.height / frame.width

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -145,6 +146,31 @@ def new_figure(title: str, height_in: float, note: str = "") -> Figure:
 def roles(pair: PairView) -> tuple[tuple[str, str, Scan], tuple[str, str, Scan]]:
     """Role, name and scan of the two views, the target first."""
     return ("Target", pair.target_view, pair.target), ("Source", pair.source_view, pair.source)
+
+
+def scatter_mixed(
+    ax: Axes, clouds_mm: Sequence[FloatArray], colours: Sequence[str], projection: Projection
+) -> None:
+    """Clouds (n, 3), each in its colour, their points mixed so that none lies on top of another."""
+    points = np.concatenate(clouds_mm)
+    paint = np.repeat([to_rgb(c) for c in colours], [len(cloud) for cloud in clouds_mm], axis=0)
+    mixed = mixed_order(len(points))
+    ax.scatter(
+        points[mixed, projection.right], points[mixed, projection.up], c=paint[mixed], s=1.3, lw=0
+    )
+
+
+def name_clouds(figure: Figure, ax: Axes, colours: Mapping[str, str]) -> None:
+    """A legend of clouds by the names and colours given, at the top right of the page.
+
+    On the second line of the title, which is short, whatever the names in the first are.
+    """
+    for name, colour in colours.items():
+        ax.scatter([], [], s=24, lw=0, c=colour, label=name)
+    figure.legend(
+        *ax.get_legend_handles_labels(), loc="upper right", ncols=len(colours), borderaxespad=0.2,
+        bbox_to_anchor=(1.0, 1.0 - 0.17 / figure.get_figheight()),
+    )  # fmt: skip
 
 
 def thinned(points_mm: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 from harness.arm_figure import draw_arm
 from harness.clouds import write_cloud
 from harness.execution import scan_view
-from harness.figures_page import mixed_order, page_style, projections, save, thinned
+from harness.figures_page import name_clouds, page_style, projections, save, scatter_mixed, thinned
 from harness.looks import FRONT, TOP
 from harness.multiview import NO_COVARIANCE, middle_view, poses_in, usable
 from harness.pair_view import PairView, file_slug
@@ -174,26 +174,11 @@ def superposition(
     )
     colours = _colours(points_mm)
     for column, side in enumerate(sides):
-        shown = {name: thinned(points)[:SHOWN] for name, points in side.items()}
-        points = np.concatenate(list(shown.values()))
-        paint = np.concatenate(
-            [np.tile(to_rgb(colours[name]), (len(part), 1)) for name, part in shown.items()]
-        )
-        order = mixed_order(len(points))
+        clouds = [thinned(points)[:SHOWN] for points in side.values()]
         for row, projection in enumerate((FRONT, TOP)):
-            axes[row][column].scatter(
-                points[order, projection.right], points[order, projection.up],
-                c=paint[order], s=1.3, lw=0,
-            )  # fmt: skip
-    for name, colour in colours.items():
-        axes[0][0].scatter([], [], s=24, lw=0, c=colour, label=name)
-    figure.legend(
-        *axes[0][0].get_legend_handles_labels(),
-        loc="upper right",
-        bbox_to_anchor=(1.0, 1.0 - 0.17 / figure.get_figheight()),
-        ncols=len(colours),
-        borderaxespad=0.2,
-    )
+            paint = [colours[name] for name in side]
+            scatter_mixed(axes[row][column], clouds, paint, projection)
+    name_clouds(figure, axes[0][0], colours)
     return figure
 
 

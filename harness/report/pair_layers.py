@@ -11,8 +11,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import RigidTransform
 
-from harness.looks import NORMAL_COLOURS
-from harness.pair_matches import sorted_matches, spheres_of
+from harness.pair_matches import palette_places, sorted_matches, spheres_of
 from harness.pair_view import PairView
 from harness.report.nearness import surface_distance
 from harness.report.packing import packed
@@ -33,9 +32,8 @@ SHOWN_POINTS = 12_000  # of a scan, on a grid of profiles and pixels
 SHOWN_SEGMENTS = 2_500  # of a view
 SHOWN_SHIFTS = 4_000
 POINT_STEP_MM = 0.1
-UNMATCHED = -1
 
-Colours = IntArray  # place of a normal in the palette of matches, or UNMATCHED
+Colours = IntArray  # as of palette_places
 
 
 @dataclass(frozen=True)
@@ -75,12 +73,12 @@ def view_layers(pair: PairView) -> dict[str, Any]:
         return {
             role: {
                 "patches": _hulls(
-                    scan, view, _places(len(view.patches.normal), planes.pairs[:, column])
+                    scan, view, palette_places(len(view.patches.normal), planes.pairs[:, column])
                 ),
                 "normals": _normals(
                     view.patches.centroid_mm,
                     view.patches.normal,
-                    _places(len(view.patches.normal), planes.pairs[:, column]),
+                    palette_places(len(view.patches.normal), planes.pairs[:, column]),
                 ),
                 "sphere": _sphere(spheres[column], matches[:, column]),
                 "segments": _ends(segment_ends(view.fan, planes.params)),
@@ -110,7 +108,7 @@ def _thesis_layers(pair: PairView) -> dict[str, Any]:
         if view.segments is not None:
             layer["segments"] = _ends(view.segments.endpoints_mm)
         if len(view.patches):
-            places = _places(len(view.sphere), matches[:, column])[view.sphere.member]
+            places = palette_places(len(view.sphere), matches[:, column])[view.sphere.member]
             layer["patches"] = _corners(view.patches, places)
             layer["normals"] = _normals(view.patches.centroid_mm, view.patches.normal, places)
             layer["sphere"] = _sphere(view.sphere, matches[:, column])
@@ -203,14 +201,6 @@ def _moved(grid_mm: FloatArray, pose: RigidTransform) -> FloatArray:
     return moved
 
 
-def _places(count: int, matched: IntArray) -> Colours:
-    """(count,) place in the palette of each normal or plane of a view, largest match first."""
-    places = np.full(count, UNMATCHED, dtype=np.int64)
-    for place, index in reversed(list(enumerate(matched[: len(NORMAL_COLOURS)]))):
-        places[index] = place
-    return places
-
-
 def _ends(ends_mm: FloatArray) -> dict[str, Any]:
     stride = -(-len(ends_mm) // SHOWN_SEGMENTS) or 1
     return {"ends": packed(ends_mm[::stride], POINT_STEP_MM), "total": len(ends_mm)}
@@ -257,5 +247,5 @@ def _sphere(sphere: GaussSphere, matched: IntArray) -> dict[str, Any]:
     return {
         "direction": packed(sphere.direction, 1e-4),
         "area_cm2": [round(0.01 * float(weight), 2) for weight in sphere.weight],
-        "colour": _places(len(sphere), matched).tolist(),
+        "colour": palette_places(len(sphere), matched).tolist(),
     }
