@@ -245,7 +245,7 @@ def methods_compared(ablation: bool) -> dict[str, GaussSphereParams]:
         }
     choices = load_experiment(ABLATION).methods
     return {
-        choice.label or choice.name: chosen_method(choice, ("methods", index), ABLATION).params
+        choice.called: chosen_method(choice, ("methods", index), ABLATION).params
         for index, choice in enumerate(choices)
     }
 

@@ -46,7 +46,7 @@ def draw_profiles(
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.png"):
         old.unlink()
-    drawn = {method.label or method.name for method in experiment.methods if method.figures}
+    drawn = {method.called for method in experiment.methods if method.figures}
     files = []
     for trial in trials:
         if trial.spec.repeat > 0 or trial.label not in drawn:

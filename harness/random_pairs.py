@@ -150,7 +150,7 @@ def build_random_trials(
             families[name][0], sensor, experiment.scan.profiles, experiment.scan.step_mm,
             methods[of_method], number, experiment.seed, drawn_for=drawn_for,
         )  # fmt: skip
-        return Trial(spec, f"{name} {number}", choice.label or choice.name)
+        return Trial(spec, f"{name} {number}", choice.called)
 
     return Trials(int(ends[-1]), trial, used_methods(methods))
 

@@ -177,7 +177,7 @@ def build_trials(experiment: Experiment, file: Path, kept: Recent | None = None)
     methods = chosen_methods(experiment.methods, file, kept)
     scan, views = experiment.scan, _views(experiment, file, kept)
     combinations = [
-        (name, pair, choice.label or choice.name, method, given)
+        (name, pair, choice.called, method, given)
         for name, pair in experiment.pairs.items()
         for choice, method in zip(experiment.methods, methods, strict=True)
         for given in ("", *choice.given)

@@ -32,7 +32,7 @@ def variant_tables(
     whole = rows[rows["given"] == ""]
     tables = []
     for name in dict.fromkeys(method.name for method in methods):
-        labels = [m.label or m.name for m in methods if m.name == name]
+        labels = [m.called for m in methods if m.name == name]
         if len(labels) > 1:
             tables.append(_variant_table(name, labels, whole[whole["method"].isin(labels)], random))
     return tables

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from harness.chance import rate
+from harness.config import AnyExperiment
 from harness.pair_tables import thesis_values
-from harness.random_schema import RandomPairsExperiment
 from harness.row_scores import ERRORS, observed_quantile, within
 from harness.schema import Experiment
 from harness.scoring import COARSE, FINE, wilson_interval
@@ -57,7 +57,7 @@ def scores(rows: pd.DataFrame) -> list[Score]:
     return found
 
 
-def thesis_score(experiment: Experiment | RandomPairsExperiment) -> Score | None:
+def thesis_score(experiment: AnyExperiment) -> Score | None:
     """What the thesis printed of the same pairs; None where it printed nothing."""
     if not isinstance(experiment, Experiment):
         return None
@@ -73,7 +73,7 @@ def thesis_score(experiment: Experiment | RandomPairsExperiment) -> Score | None
     return Score("The thesis, as printed", len(errors), right, fine, angle_deg, length_mm, np.nan)
 
 
-def answer_table(experiment: Experiment | RandomPairsExperiment, rows: pd.DataFrame) -> Table:
+def answer_table(experiment: AnyExperiment, rows: pd.DataFrame) -> Table:
     """One line a method, and one for what the thesis printed."""
     printed = thesis_score(experiment)
     lines = scores(rows) + ([printed] if printed is not None else [])
@@ -97,17 +97,17 @@ def answer_table(experiment: Experiment | RandomPairsExperiment, rows: pd.DataFr
     )
 
 
-def main_label(experiment: Experiment | RandomPairsExperiment) -> str:
+def main_label(experiment: AnyExperiment) -> str:
     """The method that the answer is about: this project's, else the first one that is no peer."""
     choices = sorted(
         experiment.methods, key=lambda choice: (choice.name != OURS, choice.name in PEERS)
     )
-    return choices[0].label or choices[0].name
+    return choices[0].called
 
 
-def answer_sentence(experiment: Experiment | RandomPairsExperiment, rows: pd.DataFrame) -> str:
+def answer_sentence(experiment: AnyExperiment, rows: pd.DataFrame) -> str:
     """The answer in a sentence: the method of this project, the thesis, the best other library."""
-    names = {choice.label or choice.name: choice.name for choice in experiment.methods}
+    names = {choice.called: choice.name for choice in experiment.methods}
     found = scores(rows)
     label = main_label(experiment)
     main = next((score for score in found if score.label == label), found[0])

@@ -54,14 +54,8 @@ def run_part(
     sweep = session.experiment.sweep
     main = main_label(session.experiment)
     rows = load(session.folder, arrays=False)
-    # Of a sweep nothing is drawn: its pairs are too many.
-    labels = (
-        set()
-        if sweep is not None
-        else {m.label or m.name for m in session.experiment.methods if m.figures}
-    )
     folder = session.folder / FOLDER
-    wanted = offered(rows, labels, main)
+    wanted = offered(rows, session.drawn_labels, main)
     shown = set(wanted)
     by_id = {trial.id: trial for trial in session.trials if trial.id in shown}
     records = provided(wanted, by_id, rows, folder, make_executor)
