@@ -32,7 +32,6 @@ from sensors.sensor import Hits, Sensor
 # Below this share of common points two views have nothing to be registered by; it prints as 0 %.
 NO_OVERLAP = 0.005
 
-
 _scenes, _scans, _hits, _commons = Recent(4), Recent(12), Recent(8), Recent(64)
 _bounds, _pairs = Recent(64), Recent(256)
 
@@ -61,10 +60,9 @@ def _failed(row: dict[str, Any], error: Exception) -> Outcome:
 
 def scan_view(spec: TrialSpec, view: ViewSpec) -> Scan:
     """The scan of one view of a trial, made once for all trials of a process that share it."""
-
     return _scans.get(
         spec.view_key(view),
-        lambda: _sensor(spec).scan(_scene(spec), spec.path(view), spec.view_rng(view)),
+        lambda: sensor_of(spec).scan(scene_of(spec), spec.path(view), spec.view_rng(view)),
     )
 
 
@@ -153,7 +151,7 @@ def _register(spec: TrialSpec, target: Scan, source: Scan) -> RegistrationResult
     enter = diagnosis.register_with_true_patches
     if spec.given == "segments":
         enter = diagnosis.register_with_true_segments
-    return enter(*hits, spec.step_mm, _sensor(spec).apex_mm, spec.method.params)
+    return enter(*hits, spec.step_mm, sensor_of(spec).apex_mm, spec.method.params)
 
 
 def full_spec(trial: Trial) -> TrialSpec:
@@ -188,7 +186,7 @@ def common(spec: TrialSpec) -> Common:
     paths = spec.path(spec.target), spec.path(spec.source)
     return _commons.get(
         spec.pair_key(),
-        lambda: common_points(_sensor(spec), _scene(spec), _both_hits(spec), paths),
+        lambda: common_points(sensor_of(spec), scene_of(spec), _both_hits(spec), paths),
     )
 
 
@@ -197,7 +195,7 @@ def face_gaps(spec: TrialSpec) -> FaceGaps:
     T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
 
     def gaps(one: Hits, other: Hits) -> FloatArray:
-        apex_mm = _sensor(spec).apex_mm
+        apex_mm = sensor_of(spec).apex_mm
         return centroid_gaps(one, other, T_exact, apex_mm, spec.method.params)
 
     return FaceGaps(gaps(*_both_hits(spec)), gaps(*_both_shared(spec)))
@@ -210,7 +208,7 @@ def _pose_bounds(spec: TrialSpec, target: Scan, source: Scan) -> FloatArray | No
     return _bounds.get(
         spec.view_key(spec.target) + spec.view_key(spec.source),
         lambda: pose_bounds(
-            _sensor(spec), _scene(spec), _both_hits(spec), paths, measured, common(spec)
+            sensor_of(spec), scene_of(spec), _both_hits(spec), paths, measured, common(spec)
         ),
     )
 
@@ -227,16 +225,18 @@ def _both_shared(spec: TrialSpec) -> tuple[Hits, Hits]:
 
 def _view_hits(spec: TrialSpec, view: ViewSpec) -> Hits:
     return _hits.get(
-        spec.place_key(view), lambda: _sensor(spec).hits(_scene(spec), spec.path(view))
+        spec.place_key(view), lambda: sensor_of(spec).hits(scene_of(spec), spec.path(view))
     )
 
 
-def _scene(spec: TrialSpec) -> Scene:
+def scene_of(spec: TrialSpec) -> Scene:
+    """The scene of a trial, built once for all trials of a process that share it."""
     chosen = spec.scene
     return _scenes.get(chosen.text, lambda: SCENES[chosen.name].builder(chosen.params))
 
 
-def _sensor(spec: TrialSpec) -> Sensor:
+def sensor_of(spec: TrialSpec) -> Sensor:
+    """The sensor of a trial."""
     sensor: Sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
     return sensor
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform
 
 from harness.arm_figure import draw_arm
 from harness.clouds import write_cloud
-from harness.execution import scan_view
+from harness.execution import scan_view, scene_of, sensor_of
 from harness.figures_page import name_clouds, page_style, projections, save, scatter_mixed, thinned
 from harness.looks import FRONT, TOP
 from harness.multiview import NO_COVARIANCE, middle_view, poses_in, usable
@@ -25,9 +25,7 @@ from harness.trials import Trial, TrialSpec
 from harness.views import ViewSpec
 from registration.pose_graph import RelativePose
 from registration.scan import FloatArray
-from scenes import SCENES
 from scenes.picture import VIEW_COLOURS
-from sensors import SENSORS
 
 Estimate = tuple[RigidTransform, FloatArray]  # the pose and its covariance
 PREFIX = "views_"
@@ -94,13 +92,11 @@ def _draw_arm(drawn: Sequence[Drawn], folder: Path) -> list[Path]:
     if not arms:
         return []
     spec = drawn[0].spec
-    scene = SCENES[spec.scene.name].builder(spec.scene.params)
-    sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
     paths = {name: spec.path(view) for name, (spec, view) in views.items()}
     file = folder / "figures" / f"{PREFIX}arm.png"
     file.parent.mkdir(parents=True, exist_ok=True)
     title = f"{spec.scene.name}: the arm before the scene"
-    return [draw_arm(scene, sensor, arms[0], paths, title, file)]
+    return [draw_arm(scene_of(spec), sensor_of(spec), arms[0], paths, title, file)]
 
 
 def _draw_superpositions(
