@@ -12,10 +12,10 @@ import pandas as pd
 from experiments.medians import Median, median_of
 from experiments.profile_summary import profile_seconds, profile_summary
 from harness.chance import rate
-from harness.pair_tables import COLUMNS, NAMES, printed_six, theoretical_error, thesis_values
+from harness.pair_tables import NAMES, printed_six, theoretical_error, thesis_values
 from harness.row_scores import ERRORS, within
 from harness.schema import Experiment, Pair
-from harness.scoring import COARSE
+from harness.scoring import COARSE, PARAMETERS
 from harness.table_files import Table
 from harness.trials import Trial
 from harness.views import LABEL_ORDER
@@ -147,7 +147,7 @@ def estimate_table(pairs: Sequence[PrintedPair]) -> Table:
             {"Table": each.name, "Parameter": "Answered"}
             | {m: rate(len(answered[m]), len(each.of(m))) for m in each.methods}
         )
-        for place, (name, column) in enumerate(zip(NAMES, COLUMNS, strict=True)):
+        for place, (name, column) in enumerate(zip(NAMES, PARAMETERS, strict=True)):
             label = "XYZ"[LABEL_ORDER[labels][place]] if place < 3 else ""
             if label not in name[:10]:
                 name += f", printed as {label}"
@@ -190,7 +190,7 @@ def number_table(pairs: Sequence[PrintedPair]) -> Table:
             rows = each.of(method)
             answered = rows[rows["status"] == "ok"]
             for name, columns in (
-                *((c, (f"estimated_{c}", f"error_{c}")) for c in COLUMNS),
+                *((c, (f"estimated_{c}", f"error_{c}")) for c in PARAMETERS),
                 *((c, (None, c)) for c in ERRORS),
             ):
                 record: dict[str, Any] = {"table": each.name, "method": method, "parameter": name}
@@ -262,7 +262,7 @@ def part_by_part(tables: Sequence[tuple[str, Table]]) -> pd.DataFrame:
 
 
 def _six(row: pd.Series[Any], kind: str) -> FloatArray:
-    six: FloatArray = row[[f"{kind}_{column}" for column in COLUMNS]].to_numpy(dtype=np.float64)
+    six: FloatArray = row[[f"{kind}_{column}" for column in PARAMETERS]].to_numpy(dtype=np.float64)
     return six
 
 

@@ -17,9 +17,6 @@ from harness.views import LABEL_ORDER, relabelled
 
 NAMES = ("Rotation X (deg)", "Rotation Y (deg)", "Rotation Z (deg)",
          "Translation X (mm)", "Translation Y (mm)", "Translation Z (mm)")  # fmt: skip
-COLUMNS = tuple(
-    f"{name}_{unit}" for name, unit in zip(PARAMETERS, ["deg"] * 3 + ["mm"] * 3, strict=True)
-)
 
 
 def pair_tables(experiment: Experiment, rows: pd.DataFrame) -> Iterator[Table]:
@@ -35,7 +32,7 @@ def _pair_table(
 ) -> Table:
     first = rows.iloc[0]
     exact, theoretical, estimated, error = (
-        first[[f"{kind}_{column}" for column in COLUMNS]].to_numpy(dtype=np.float64)
+        first[[f"{kind}_{column}" for column in PARAMETERS]].to_numpy(dtype=np.float64)
         for kind in ("exact", "theoretical", "estimated", "error")
     )
     columns: dict[str, Any] = {
@@ -66,7 +63,7 @@ def _pair_table(
         columns["Our error, all repeats"] = [
             _spread(known[column], sign)
             for column, sign in (
-                *((f"error_{c}", "+") for c in COLUMNS),
+                *((f"error_{c}", "+") for c in PARAMETERS),
                 ("rotation_error_deg", ""),
                 ("translation_error_mm", ""),
             )

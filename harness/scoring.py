@@ -11,7 +11,8 @@ from registration.scan import FloatArray
 from sensors.arm import ArmPath
 from sensors.paths import ViewPath
 
-PARAMETERS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
+# The six parameters of a pose, as columns of rows end.
+PARAMETERS = ("rotation_x_deg", "rotation_y_deg", "rotation_z_deg", "x_mm", "y_mm", "z_mm")
 
 
 class Tolerance(NamedTuple):
