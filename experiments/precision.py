@@ -27,7 +27,7 @@ from registration.calibration_fit import TargetScan, fit_calibration
 from registration.scan import FloatArray, Scan
 from sensors import SENSORS
 from sensors.calibration import OFFSET_Y_MM, OFFSET_Z_MM
-from sensors.card import measure_card
+from sensors.card import mean_over_profiles, measure_card
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.target_scans import as_told, scan_target
 
@@ -265,9 +265,4 @@ def beam_errors_mm(
     beams[..., 0] = 0.0
     beams /= beams[..., 2:]
     # Off the plane along its normal; along the beam that is as much longer as it is inclined.
-    error_mm = (points_mm @ normal - target.offset_mm) / (beams @ normal)
-    valid = np.isfinite(error_mm)
-    count = valid.sum(axis=0)
-    total = np.where(valid, error_mm, 0.0).sum(axis=0)
-    mean: FloatArray = total / np.where(count > 0, count, np.nan)
-    return mean
+    return mean_over_profiles((points_mm @ normal - target.offset_mm) / (beams @ normal))
