@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from everyday_scenes import EVERYDAY  # noqa: E402
-from hard_scenes import CONFIG, KINDS, STATUSES, methods_compared  # noqa: E402
+from hard_scenes import CONFIG, KINDS, STATUSES, families_of, methods_compared  # noqa: E402
 from scipy.spatial.transform import RigidTransform  # noqa: E402
 from scipy.stats import chi2  # noqa: E402
 from tabulate import tabulate  # noqa: E402
@@ -32,7 +32,7 @@ from harness.config import load_experiment  # noqa: E402
 from harness.execution import full_spec  # noqa: E402
 from harness.normalised_errors import squared_distances  # noqa: E402
 from harness.random_pairs import build_random_trials  # noqa: E402
-from harness.scoring import COARSE, exact_pose, pose_error  # noqa: E402
+from harness.scoring import COARSE, exact_pose, is_success, pose_error  # noqa: E402
 from harness.trials import TrialSpec, keyed_rng  # noqa: E402
 from harness.views import ViewSpec  # noqa: E402
 from registration import RegistrationResult, Scan, register  # noqa: E402
@@ -144,11 +144,7 @@ def outcome(result: RegistrationResult, T_exact: RigidTransform) -> dict[str, ob
     if result.status != "ok" or result.T_target_source is None:
         return row
     error = pose_error(T_exact, result.T_target_source)
-    right = (
-        np.rad2deg(error.rotation_rad) < COARSE.rotation_deg
-        and error.translation_mm < COARSE.translation_mm
-    )
-    row["outcome"] = "right" if right else "wrong"
+    row["outcome"] = "right" if is_success(error, COARSE) else "wrong"
     row["doubt"] = any("which is right" in note for note in result.notes)
     row["error_mm"] = error.translation_mm
     row["covariance"] = result.covariance
@@ -182,14 +178,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=list(SOLIDS))
     options = parser.parse_args()
     SCENES["things"] = SceneEntry(things, ThingsParams)
-    families = {
-        kind: {
-            "scene": {"name": "things", "params": {"kind": kind}}, "new_scene": True,
-            "pairs": options.pairs, "aim_mm": [0, 0, 60], "aim_within_mm": 150,
-            "distance_mm": [700, 1000], "pitch_deg": 25.0,
-        }
-        for kind in options.only or SOLIDS
-    }  # fmt: skip
+    families = families_of("things", options.only or SOLIDS, options.pairs)
     overrides = ["methods=[{name: gauss_sphere}]", f"families={families}"]
     experiment = load_experiment(CONFIG, overrides, options.seed)
     rows = defaultdict[tuple[str, str], list[dict[str, object]]](list)
