@@ -40,7 +40,7 @@ def rehearse(
     """Check the config and tell what a run would do; writes nothing. Raises ConfigError."""
     console = make_console()
     for line in REHEARSALS[kind](config, folder, overrides, seed):
-        console.print(line, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
 
 
 def check_reportable(
@@ -71,4 +71,4 @@ def show_run(
     write_page(written, part.title, [part])
     show_tables(console, tables)
     show_paths(console, written)
-    console.print(f"{time.perf_counter() - start:.1f} s", markup=False)
+    console.print(f"{time.perf_counter() - start:.1f} s")

@@ -52,7 +52,7 @@ def compare(first: Path, second: Path, folder: Path | None) -> int:
     write_page(folder, part.title, [part])
     console = make_console()
     show_tables(console, tables)
-    console.print(sentence, markup=False)
+    console.print(sentence)
     show_paths(console, folder)
     return EXIT_OK
 

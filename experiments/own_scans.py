@@ -86,7 +86,7 @@ def register_files(
     except OSError as error:
         message = f"{folder} cannot be a results folder: {error.strerror}; give another"
         raise ConfigError("--out", (), message) from None
-    console.print("\n  ".join(["Written:", *written]), markup=False, soft_wrap=True)
+    console.print("\n  ".join(["Written:", *written]), soft_wrap=True)
     return EXIT_OK if result.status == "ok" else EXIT_FAILED
 
 
@@ -148,7 +148,7 @@ def _tell(console: Console, result: RegistrationResult) -> None:
     for direction in result.undetermined:
         turn, shift = (_row(part, 3) for part in (direction[:3], direction[3:]))
         lines += [f"Left open by the scans: turn {turn}, shift {shift} (rad and mm alike)"]
-    console.print("\n".join(lines), markup=False, soft_wrap=True)
+    console.print("\n".join(lines), soft_wrap=True)
 
 
 def _row(values: FloatArray, decimals: int) -> str:

@@ -57,7 +57,7 @@ def run_chapters(
     worst = EXIT_OK
     try:
         for run in runs:
-            console.print(f"\n{run.name}: {run.check().title}", markup=False, style="bold")
+            console.print(f"\n{run.name}: {run.check().title}", style="bold")
             status, result = _run_part(run, workers, redraw, make_executor)
             if status == EXIT_INTERRUPTED:
                 return status
@@ -81,7 +81,6 @@ def run_chapters(
     console.print(
         f"{len(runs)} parts in {time.perf_counter() - start:.0f} s with {workers} workers; each "
         f"has its own tables and figures in {folder}/<part>",
-        markup=False,
         soft_wrap=True,
     )
     return worst
@@ -93,7 +92,7 @@ def rehearse_chapters(
     """Check every part, count its trials and time some; writes nothing."""
     console = make_console()
     for run in load_chapters(path, folder, overrides, seed)[1]:
-        console.print(f"\n{run.name}:", markup=False, style="bold")
+        console.print(f"\n{run.name}:", style="bold")
         if run.kind == PAIRS:
             dry_run(run.session(), workers)
             if run.waits:
@@ -101,9 +100,9 @@ def rehearse_chapters(
         elif run.kind == PROFILES:
             experiment, trials = run.profiles()
             count = len(trials) * experiment.scan.profiles
-            console.print(f"{experiment.title}: {count} pairs of profiles", markup=False)
+            console.print(f"{experiment.title}: {count} pairs of profiles")
         else:
-            console.print(f"{run.check().title}: takes seconds", markup=False)
+            console.print(f"{run.check().title}: takes seconds")
     return EXIT_OK
 
 
