@@ -25,7 +25,6 @@ from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray, Scan
 from registration.thesis.evidence import ViewEvidence
 from registration.thesis.gauss_sphere import GaussSphere
-from registration.thesis.patches import Patches
 from registration.thesis.translation import Shifts
 
 SHOWN_POINTS = 12_000  # of a scan, on a grid of profiles and pixels
@@ -69,34 +68,32 @@ def view_layers(pair: PairView) -> dict[str, Any]:
     evidence = pair.result.evidence
     planes = evidence.get("planes")
     if isinstance(planes, PlaneEvidence):
-        spheres, matches = spheres_of(planes)
-        return {
-            role: {
-                "patches": _hulls(
-                    scan, view, palette_places(len(view.patches.normal), planes.pairs[:, column])
-                ),
-                "normals": _normals(
-                    view.patches.centroid_mm,
-                    view.patches.normal,
-                    palette_places(len(view.patches.normal), planes.pairs[:, column]),
-                ),
-                "sphere": _sphere(spheres[column], matches[:, column]),
-                "segments": _ends(segment_ends(view.fan, planes.params)),
-            }
-            for column, (role, scan, view) in enumerate(
-                (("target", pair.target, planes.target), ("source", pair.source, planes.source))
-            )
-        }
+        return _plane_layers(pair, planes)
     return _thesis_layers(pair)
+
+
+def _plane_layers(pair: PairView, planes: PlaneEvidence) -> dict[str, Any]:
+    spheres, matches = spheres_of(planes)
+    layers = {}
+    for column, (role, scan, view) in enumerate(
+        (("target", pair.target, planes.target), ("source", pair.source, planes.source))
+    ):
+        places = palette_places(len(view.patches.normal), planes.pairs[:, column])
+        layers[role] = {
+            "patches": _hulls(scan, view, places),
+            "normals": _normals(view.patches.centroid_mm, view.patches.normal, places),
+            "sphere": _sphere(spheres[column], matches[:, column]),
+            "segments": _ends(segment_ends(view.fan, planes.params)),
+        }
+    return layers
 
 
 def _thesis_layers(pair: PairView) -> dict[str, Any]:
     views = {role: pair.result.evidence.get(role) for role in ("target", "source")}
     target = views["target"]
-    found = pair.result.evidence.get("normal_matches", np.zeros((0, 2), dtype=np.int64))
-    matches = found
-    if isinstance(target, ViewEvidence) and len(found):
-        matches = sorted_matches(found, target.sphere.weight)
+    matches = pair.result.evidence.get("normal_matches", np.zeros((0, 2), dtype=np.int64))
+    if isinstance(target, ViewEvidence) and len(matches):
+        matches = sorted_matches(matches, target.sphere.weight)
     layers: dict[str, Any] = {}
     for column, (role, view) in enumerate(views.items()):
         if not isinstance(view, ViewEvidence):
@@ -109,7 +106,8 @@ def _thesis_layers(pair: PairView) -> dict[str, Any]:
             layer["segments"] = _ends(view.segments.endpoints_mm)
         if len(view.patches):
             places = palette_places(len(view.sphere), matches[:, column])[view.sphere.member]
-            layer["patches"] = _corners(view.patches, places)
+            outlines = _polygons(list(view.patches.corners_mm))
+            layer["patches"] = {**outlines, "colour": places.tolist()}
             layer["normals"] = _normals(view.patches.centroid_mm, view.patches.normal, places)
             layer["sphere"] = _sphere(view.sphere, matches[:, column])
         layers[role] = layer
@@ -212,10 +210,6 @@ def _normals(centroid_mm: FloatArray, normal: FloatArray, places: Colours) -> di
         "direction": packed(normal, 1e-4),
         "colour": places.tolist(),
     }
-
-
-def _corners(patches: Patches, places: Colours) -> dict[str, Any]:
-    return {**_polygons(list(patches.corners_mm)), "colour": places.tolist()}
 
 
 def _hulls(scan: Scan, view: View, places: Colours) -> dict[str, Any]:
