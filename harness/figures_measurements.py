@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from harness.figures_page import (
@@ -20,7 +21,7 @@ from harness.figures_page import (
     thinned,
     to_scale,
 )
-from harness.looks import FRONT, MARK, SOURCE, TARGET, TOP, limits
+from harness.looks import FRONT, MARK, SOURCE, TARGET, TOP, Projection, limits
 from harness.pair_view import PairView
 from registration.scan import FloatArray, Scan
 
@@ -49,13 +50,20 @@ def draw_measurements(pair: PairView, title: str) -> Figure:
             if len(dots) == 0:
                 ax.text(0.5, 0.5, "no measured point", transform=ax.transAxes, ha="center")
                 continue
-            shown = ax.scatter(
-                dots[:, projection.right], dots[:, projection.up], c=dots[:, 2],
-                s=1.6, lw=0, cmap="viridis_r", vmin=low[2], vmax=high[2],
-            )  # fmt: skip
+            shown = scatter_depths(ax, dots, projection, low[2], high[2])
     if shown is not None:
         add_bar(figure, axes, shown, AXES[2])
     return figure
+
+
+def scatter_depths(
+    ax: Axes, points_mm: FloatArray, projection: Projection, near_mm: float, far_mm: float
+) -> PathCollection:
+    """Points (n, 3) coloured by their depth between two."""
+    return ax.scatter(
+        points_mm[:, projection.right], points_mm[:, projection.up], c=points_mm[:, 2],
+        s=1.6, lw=0, cmap="viridis_r", vmin=near_mm, vmax=far_mm,
+    )  # fmt: skip
 
 
 def draw_filtering(pair: PairView, filtered: tuple[Scan, Scan], title: str) -> Figure:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.figures_measurements import face_by_face
+from harness.figures_measurements import face_by_face, scatter_depths
 from harness.figures_page import (
     AXES,
     GAP_IN,
@@ -206,8 +206,5 @@ def _depths(
     for axes, cloud in zip(columns, points_mm, strict=True):
         dots = thinned(cloud)
         for ax, projection in zip(axes, (FRONT, TOP), strict=True):
-            shown = ax.scatter(
-                dots[:, projection.right], dots[:, projection.up], c=dots[:, 2], s=1.6, lw=0,
-                cmap="viridis_r", vmin=near_mm, vmax=far_mm,
-            )  # fmt: skip
+            shown = scatter_depths(ax, dots, projection, near_mm, far_mm)
     add_bar(figure, [columns[-1][:1], columns[-1][-1:]], shown, AXES[2])
