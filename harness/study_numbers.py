@@ -48,15 +48,20 @@ def outcomes(rows: pd.DataFrame) -> pd.DataFrame:
 
 def record_of(group: pd.DataFrame) -> dict[str, Any]:
     """How many trials, the share that is right and the mean errors, each with its interval."""
-    right, count = int(group["right"].sum()), len(group)
-    low, high = wilson_interval(right, count)
-    share = right / count if count else float("nan")
-    record: dict[str, Any] = {"Trials": count, "Right": share, "Right low": low, "Right high": high}
+    record = {"Trials": len(group), **share_of("Right", group["right"])}
     for name, column in ERRORS.items():
         values = group[column].to_numpy(dtype=float)
         bounds = mean_interval(values)
         record |= {name: values.mean(), f"{name} low": bounds[0], f"{name} high": bounds[1]}
     return record
+
+
+def share_of(name: str, flags: pd.Series[bool]) -> dict[str, Any]:
+    """The share of trials that have a flag, and Wilson's interval, under a name; NaN of none."""
+    count, total = int(flags.sum()), len(flags)
+    low, high = wilson_interval(count, total)
+    share = count / total if total else float("nan")
+    return {name: share, f"{name} low": low, f"{name} high": high}
 
 
 def record_formats() -> dict[str, str]:

@@ -13,9 +13,8 @@ from scipy.stats import spearmanr
 from harness.chance import LEVEL
 from harness.figures_page import add_axes, new_figure
 from harness.random_groups import with_family
-from harness.scoring import wilson_interval
 from harness.study_figures import colours_of, foot_in, logarithmic, method_legend, with_interval
-from harness.study_numbers import MEDIANS, RIGHT, median_formats, medians_of, outcomes
+from harness.study_numbers import MEDIANS, RIGHT, median_formats, medians_of, outcomes, share_of
 from harness.table_files import Table
 
 ENOUGH = 0.9  # share right from which on the overlap is said to be enough
@@ -69,10 +68,8 @@ def ranges(
 
 
 def _record(group: pd.DataFrame) -> dict[str, Any]:
-    right = group[group["right"]]
-    low, high = wilson_interval(len(right), len(group))
-    record: dict[str, Any] = {"Pairs": len(group), "Right": len(right) / len(group)}
-    return record | {"Right low": low, "Right high": high} | medians_of(right)
+    shares = share_of("Right", group["right"])
+    return {"Pairs": len(group), **shares, **medians_of(group[group["right"]])}
 
 
 def overlap_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, str]:

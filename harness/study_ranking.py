@@ -13,7 +13,7 @@ from harness.figures_page import add_axes, new_figure
 from harness.looks import GREY
 from harness.random_groups import with_family
 from harness.row_scores import within
-from harness.scoring import COARSE, FINE, wilson_interval
+from harness.scoring import COARSE, FINE
 from harness.study_figures import COLOURS, foot_in, logarithmic, share_map
 from harness.study_numbers import (
     gained_lost,
@@ -21,6 +21,7 @@ from harness.study_numbers import (
     median_formats,
     medians_of,
     outcomes,
+    share_of,
     smaller_p,
 )
 from harness.table_files import Table
@@ -40,10 +41,7 @@ def ranking_table(rows: pd.DataFrame) -> Table:
     for method, group in known.groupby("method", sort=False):
         right = group[group["right"]]
         record: dict[str, Any] = {"Method": method, "Pairs": len(group)}
-        for name, column in (("Right", "right"), ("Fine", "fine")):
-            count = int(group[column].sum())
-            low, high = wilson_interval(count, len(group))
-            record |= {name: count / len(group), f"{name} low": low, f"{name} high": high}
+        record |= share_of("Right", group["right"]) | share_of("Fine", group["fine"])
         record["Wrong, marked ok"] = int((group["status"] == "ok").sum()) - len(right)
         record |= medians_of(right)
         record[TIME] = float(group["ms_registration"].median())
