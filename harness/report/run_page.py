@@ -78,8 +78,8 @@ def run_part(
             key=lambda file: (not file.name.startswith("study_"), file.name),
         ),
         failures=failures_markup(failures, command, records.keys(), folder, prefix),
-        config=_text(session.folder / "config.yaml"),
-        facts=_text(session.folder / "run.json"),
+        config=text_of(session.folder / "config.yaml"),
+        facts=text_of(session.folder / "run.json"),
         command=" ".join(command),
         study=_study(session, rows),
     )
@@ -117,8 +117,8 @@ def plain_part(folder: Path, title: str, description: str, tables: Sequence[Tabl
         tables=[table for table in tables if table.name not in SENSOR_TABLES],
         sensor=[table for table in tables if table.name in SENSOR_TABLES],
         figures=sorted((folder / "figures").glob("*.png")),
-        config=_text(folder / "config.yaml"),
-        facts=_text(folder / "run.json"),
+        config=text_of(folder / "config.yaml"),
+        facts=text_of(folder / "run.json"),
     )
 
 
@@ -166,5 +166,6 @@ def _number(value: float) -> float | None:
     return round(float(value), 6) if np.isfinite(value) else None
 
 
-def _text(path: Path) -> str:
+def text_of(path: Path) -> str:
+    """What a text file holds; nothing where there is none."""
     return path.read_text(encoding="utf-8") if path.exists() else ""
