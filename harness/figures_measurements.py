@@ -14,11 +14,11 @@ from harness.figures_page import (
     add_axes,
     add_bar,
     amount,
-    grouped,
     new_figure,
     projections,
     roles,
     thinned,
+    thousands_apart,
     to_scale,
 )
 from harness.looks import FRONT, MARK, SOURCE, TARGET, TOP, Projection, limits
@@ -93,7 +93,7 @@ def draw_filtering(pair: PairView, filtered: tuple[Scan, Scan], title: str) -> F
         to_scale(left, FRONT, low, high)
         left.set_title(
             f"{role}: {view} view\n{amount(int(lost.sum()), 'point')} "
-            f"of {grouped(scan.n_valid)} removed"
+            f"of {thousands_apart(scan.n_valid)} removed"
         )
         profile = _busiest_profile(scan)
         _draw_detail(right, scan.points_mm[profile], after.points_mm[profile])

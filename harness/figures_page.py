@@ -187,10 +187,10 @@ def mixed_order(count: int) -> IntArray:
 def amount(count: int, noun: str) -> str:
     """A number with its noun, thousands apart: "32 365 points", "1 patch"."""
     many = noun + ("es" if noun.endswith("ch") else "s")
-    return f"{grouped(count)} {noun if count == 1 else many}"
+    return f"{thousands_apart(count)} {noun if count == 1 else many}"
 
 
-def grouped(count: int) -> str:
+def thousands_apart(count: int) -> str:
     """A whole number with its thousands apart."""
     return f"{count:,}".replace(",", "\N{NO-BREAK SPACE}")
 
