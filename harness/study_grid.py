@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -119,7 +117,7 @@ def draw_grid(frame: pd.DataFrame, note: str) -> Figure:
     methods = list(frame["Method"].unique())
     profiles = sorted(frame["Profiles"].unique())
     steps = sorted(frame["XSTEP (mm)"].unique())
-    times = frame.set_index("Profiles")["Scan time (s)"]
+    times = dict(zip(frame["Profiles"], frame["Scan time (s)"], strict=True))
     foot, lines = foot_in(note), -(-len(methods) // 2)
     figure = new_figure(
         "Few profiles far apart, or many close together?\nShare of failures; framed: the fewest in "
@@ -135,7 +133,7 @@ def draw_grid(frame: pd.DataFrame, note: str) -> Figure:
         for record in frame[frame["Method"] == method].to_dict("records"):
             cell = steps.index(record["XSTEP (mm)"]), profiles.index(record["Profiles"])
             shares[cell], counts[cell] = 1.0 - record["Right"], record["Trials"]
-        columns = [f"{n}\n{_time(times, n):.2g} s" for n in profiles]
+        columns = [f"{n}\n{times[n]:.2g} s" for n in profiles]
         share_map(ax, shares, counts, [f"{step:g}" for step in steps], columns)
         ax.invert_yaxis()
         for c in range(len(profiles)):
@@ -148,7 +146,3 @@ def draw_grid(frame: pd.DataFrame, note: str) -> Figure:
         if column == 0:
             ax.set_ylabel("XSTEP (mm)")
     return figure
-
-
-def _time(times: Any, profiles: int) -> float:
-    return float(np.atleast_1d(times.loc[profiles])[0])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from harness.row_scores import within
@@ -41,8 +40,8 @@ def sweep_table(rows: pd.DataFrame) -> Table:
             low, high = wilson_interval(int(group[name].sum()), len(group))
             record |= {name.title(): group[name].mean(), f"{name} low": low, f"{name} high": high}
         good = group[group["coarse"]]
-        record["Rotation error (deg)"] = _median(good["rotation_error_deg"])
-        record["Translation error (mm)"] = _median(good["translation_error_mm"])
+        record["Rotation error (deg)"] = float(good["rotation_error_deg"].median())
+        record["Translation error (mm)"] = float(good["translation_error_mm"].median())
         record["Errors"] = int((group["status"] == "error").sum())
         records.append(record)
     frame = pd.DataFrame(records)
@@ -63,7 +62,3 @@ def sweep_table(rows: pd.DataFrame) -> Table:
         frame,
         formats,
     )
-
-
-def _median(values: pd.Series[float]) -> float:
-    return float(np.median(values)) if len(values) else float("nan")

@@ -40,9 +40,6 @@ def scores(rows: pd.DataFrame) -> list[Score]:
     for label, group in rows[rows["given"] == ""].groupby("method", sort=False):
         errors = group[list(ERRORS)].astype(np.float64)
         known = errors.where(group["status"] == "ok", np.inf).fillna(np.inf)
-        times = np.zeros(0)
-        if "ms_registration" in group:
-            times = group["ms_registration"].dropna().to_numpy(dtype=np.float64)
         found.append(
             Score(
                 str(label),
@@ -51,7 +48,7 @@ def scores(rows: pd.DataFrame) -> list[Score]:
                 int(within(group, FINE).sum()),
                 observed_quantile(known["rotation_error_deg"].to_numpy(), 0.5),
                 observed_quantile(known["translation_error_mm"].to_numpy(), 0.5),
-                float(np.median(times)) if len(times) else np.nan,
+                float(group["ms_registration"].median()) if "ms_registration" in group else np.nan,
             )
         )
     return found
