@@ -190,7 +190,7 @@ def main() -> None:
             target, source = (scanned(spec, scene, view) for view in (spec.target, spec.source))
         except RayError:
             continue
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         sources = {"nothing": source} | {
             # Other pairs and changes leave the random numbers of a change as they are.
             name: changed_scan(

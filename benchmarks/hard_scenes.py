@@ -297,7 +297,7 @@ def main() -> None:
             target, source = (scan_view(spec, view) for view in (spec.target, spec.source))
         except RayError:
             continue  # the sensor would stand inside of a solid
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         for label, params in methods.items():
             result, count = register(target, source, params=params), counts[group, label]
             count["pairs"] += 1

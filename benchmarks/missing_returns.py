@@ -121,7 +121,7 @@ def count_outcomes(
     for number, trial in enumerate(trials_of(options.pairs, options.seed, changes)):
         spec = full_spec(trial)
         scans = [scan_view(spec, view) for view in (spec.target, spec.source)]
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         for case, changed in cases.items():
             rng = np.random.default_rng([options.seed, number])
             counts[case][judged([changed(scan, rng) for scan in scans], T_exact)] += 1

@@ -186,7 +186,7 @@ def register_profiles(trial: Trial) -> Iterator[ProfilePair]:
     if not isinstance(spec, TrialSpec):
         raise TypeError(f"{type(spec).__name__} names no views")
     target, source = scan_view(spec, spec.target), scan_view(spec, spec.source)
-    target_path, source_path = spec.path(spec.target), spec.path(spec.source)
+    target_path, source_path = spec.paths
     exact = target_path.T_world_profile.inv() * source_path.T_world_profile
     elevation_mm = target_path.T_world_profile.translation[:, 2]
     method = find_method(spec.method.name)

@@ -96,7 +96,7 @@ def profile_seconds(rows: pd.DataFrame) -> list[dict[str, Any]]:
 def _encoder_motion(pair: str, trials: Sequence[Trial]) -> FloatArray:
     """(3,) the middle of what the encoders say of the pairs of profiles; NaN without an arm."""
     spec = full_specs(trial for trial in trials if trial.pair == pair)[0]
-    target, source = spec.path(spec.target), spec.path(spec.source)
+    target, source = spec.paths
     if not (isinstance(target, ArmPath) and isinstance(source, ArmPath)):
         return np.full(3, np.nan)
     between = target.T_world_encoder.inv() * source.T_world_encoder

@@ -51,7 +51,7 @@ def turn(turning: Turning) -> list[dict[str, Any]]:
     spec = turning.trial.spec
     assert isinstance(spec, TrialSpec)
     target, source = scan_view(spec, spec.target), scan_view(spec, spec.source)
-    exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+    exact = exact_pose(*spec.paths)
     middle = middle_mm(spec)
     source_middle = exact.inv().apply(middle)
     rotations, labels = [], []

@@ -74,14 +74,13 @@ def _perform(trial: Trial) -> Outcome:
     shares = common(spec).shares
     bounds = _pose_bounds(spec, target, source)
     measured = time.perf_counter()
-    paths = spec.path(spec.target), spec.path(spec.source)
-    T_exact = exact_pose(*paths)
+    T_exact = exact_pose(*spec.paths)
     stage_ms = {"scan": 1e3 * (scanned - start), "overlap": 1e3 * (measured - scanned)}
     row: dict[str, Any] = {
         "id": trial.id,
         "spec": spec.text,
         "T_exact": T_exact,
-        "T_theoretical": encoder_pose(*paths),
+        "T_theoretical": encoder_pose(*spec.paths),
         "overlap_target": shares[0],
         "overlap_source": shares[1],
         "bounds": bounds,
@@ -143,7 +142,7 @@ def _register(spec: TrialSpec, target: Scan, source: Scan) -> RegistrationResult
     if not spec.given:
         return register(target, source, spec.method.name, spec.method.params)
     if spec.given == "rotation":
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         return diagnosis.register_with_true_rotation(target, source, T_exact, spec.method.params)
     hits = _both_hits(spec)
     if spec.given == "shared_patches":
@@ -183,19 +182,17 @@ def _drawn(spec: RandomSpec) -> TrialSpec | NoPairError:
 
 def common(spec: TrialSpec) -> Common:
     """Which points of either view the other sees too."""
-    paths = spec.path(spec.target), spec.path(spec.source)
     return _commons.get(
         spec.pair_key(),
-        lambda: common_points(sensor_of(spec), scene_of(spec), _both_hits(spec), paths),
+        lambda: common_points(sensor_of(spec), scene_of(spec), _both_hits(spec), spec.paths),
     )
 
 
 def face_gaps(spec: TrialSpec) -> FaceGaps:
     """How far apart both views of a trial of `thesis` see the middles of the same faces."""
-    T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+    T_exact, apex_mm = exact_pose(*spec.paths), sensor_of(spec).apex_mm
 
     def gaps(one: Hits, other: Hits) -> FloatArray:
-        apex_mm = sensor_of(spec).apex_mm
         return centroid_gaps(one, other, T_exact, apex_mm, spec.method.params)
 
     return FaceGaps(gaps(*_both_hits(spec)), gaps(*_both_shared(spec)))
@@ -203,12 +200,11 @@ def face_gaps(spec: TrialSpec) -> FaceGaps:
 
 def _pose_bounds(spec: TrialSpec, target: Scan, source: Scan) -> FloatArray | None:
     """The Cramer-Rao bounds of the pair, from the beams that returned in these scans."""
-    paths = spec.path(spec.target), spec.path(spec.source)
     measured = target.valid, source.valid
     return _bounds.get(
         spec.view_key(spec.target) + spec.view_key(spec.source),
         lambda: pose_bounds(
-            sensor_of(spec), scene_of(spec), _both_hits(spec), paths, measured, common(spec)
+            sensor_of(spec), scene_of(spec), _both_hits(spec), spec.paths, measured, common(spec)
         ),
     )
 

@@ -185,7 +185,7 @@ def _links(
     estimated, exact = [], []
     for trial, spec in drawn:
         names = spec.target.name, spec.source.name
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         exact.append(RelativePose(*names, T_exact, NO_COVARIANCE))
         if trial.id in found:
             estimated.append(RelativePose(*names, *found[trial.id]))

@@ -177,7 +177,7 @@ def drawn_spec(spec: RandomSpec, shares: Callable[[TrialSpec], tuple[float, floa
             scene, spec.sensor, line.profiles, line.step_mm, target, source, spec.method,
             "", spec.repeat, spec.seed,
         )  # fmt: skip
-        rough = min(_rough_shares(sensor, built, pair.path(target), pair.path(source)))
+        rough = min(_rough_shares(sensor, built, *pair.paths))
         if least - ROUGHLY <= rough <= most + ROUGHLY and least <= min(shares(pair)) <= most:
             return pair
     raise NoPairError(

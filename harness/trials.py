@@ -86,6 +86,11 @@ class TrialSpec:
         """The viewing line of one of the trial's views."""
         return view.path(self.profiles, self.step_mm)
 
+    @property
+    def paths(self) -> tuple[ViewPath, ViewPath]:
+        """The viewing lines of target and source."""
+        return self.path(self.target), self.path(self.source)
+
 
 def keyed_rng(key: str) -> np.random.Generator:
     """The random numbers of a key, whatever else is drawn before or beside."""
