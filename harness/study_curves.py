@@ -186,7 +186,7 @@ def draw_errors(frame: pd.DataFrame, note: str) -> Figure:
 
 def _page(frame: pd.DataFrame, title: str, columns: Mapping[str, str], note: str) -> Figure:
     parameters = list(frame["Parameter"].unique())
-    colours = colours_of(list(frame["Method"].unique()))
+    colours = colours_of(frame["Method"].unique())
     lines = -(-len(parameters) // COLUMNS)
     each, foot = 0.55 + 1.45 * len(columns), foot_in(note)
     figure = new_figure(title, 0.75 + each * lines + foot, note)

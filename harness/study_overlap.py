@@ -112,7 +112,7 @@ def _trend(right: pd.DataFrame) -> str:
 def draw_overlap(frame: pd.DataFrame, note: str) -> Figure:
     """Success and errors against overlap, a row of panels a family; frame: that of the table."""
     families = list(frame["Scenes"].unique())
-    colours = colours_of(list(frame["Method"].unique()))
+    colours = colours_of(frame["Method"].unique())
     foot = foot_in(note)
     figure = new_figure(
         "How much overlap does a method need?\nBy range of overlap, with 95 % intervals; errors "
