@@ -185,25 +185,24 @@ def report(session: Session) -> list[Table]:
     from harness.variants import variant_tables
     from harness.view_tables import sensing_tables
 
-    rows = load(session.folder, arrays=session.experiment.sweep is None)
+    experiment = session.experiment
+    rows = load(session.folder, arrays=experiment.sweep is None)
     if rows.empty:
         raise StoreError(f"{session.folder} has no row of this configuration; run it first")
-    random = isinstance(session.experiment, RandomPairsExperiment)
-    if session.experiment.sweep is not None:
+    if experiment.sweep is not None:
         tables = [sweep_table(rows)]
-    elif isinstance(session.experiment, RandomPairsExperiment):
+    elif isinstance(experiment, RandomPairsExperiment):
         from harness.random_figures import draw_random_figures
 
-        tables = random_tables(rows)
+        tables = random_tables(rows) + variant_tables(experiment.methods, rows, random=True)
         draw_random_figures(rows, session.folder / "figures")
     else:
-        tables = all_tables(session.experiment, rows, _gaps(session.trials, rows))
-    if session.experiment.sweep is None:
-        tables += variant_tables(session.experiment.methods, rows, random)
-    if isinstance(session.experiment, RandomPairsExperiment) and session.experiment.study:
+        tables = all_tables(experiment, rows, _gaps(session.trials, rows))
+        tables += variant_tables(experiment.methods, rows, random=False)
+    if isinstance(experiment, RandomPairsExperiment) and experiment.study:
         from harness.study import draw_study, find
 
-        findings = find(session.experiment, rows)
+        findings = find(experiment, rows)
         draw_study(findings, session.folder / "figures")
         tables = [*findings.tables, *(replace(t, quiet=True) for t in tables)]
     tables = [replace(table, quiet=table.quiet or table.name in QUIET) for table in tables]
