@@ -16,7 +16,6 @@ from harness.threads import limit_threads
 limit_threads()
 
 import argparse  # noqa: E402
-import hashlib  # noqa: E402
 from collections import defaultdict  # noqa: E402
 from collections.abc import Callable, Sequence  # noqa: E402
 from dataclasses import dataclass, replace  # noqa: E402
@@ -24,7 +23,7 @@ from dataclasses import dataclass, replace  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from everyday_scenes import EVERYDAY  # noqa: E402
-from hard_scenes import CONFIG, KINDS, STATUSES, methods_compared  # noqa: E402
+from hard_scenes import CONFIG, KINDS, STATUSES, families_of, methods_compared  # noqa: E402
 from scipy.spatial.transform import RigidTransform  # noqa: E402
 from scipy.stats import chi2  # noqa: E402
 from tabulate import tabulate  # noqa: E402
@@ -33,8 +32,8 @@ from harness.config import load_experiment  # noqa: E402
 from harness.execution import full_spec  # noqa: E402
 from harness.normalised_errors import squared_distances  # noqa: E402
 from harness.random_pairs import build_random_trials  # noqa: E402
-from harness.scoring import COARSE, exact_pose, pose_error  # noqa: E402
-from harness.trials import TrialSpec  # noqa: E402
+from harness.scoring import COARSE, exact_pose, is_success, pose_error  # noqa: E402
+from harness.trials import TrialSpec, keyed_rng  # noqa: E402
 from harness.views import ViewSpec  # noqa: E402
 from registration import RegistrationResult, Scan, register  # noqa: E402
 from scenes import SCENES, SceneEntry  # noqa: E402
@@ -139,23 +138,13 @@ def changed_scan(
     return None
 
 
-def keyed(*coordinates: object) -> np.random.Generator:
-    """The random numbers of a change: other pairs and changes leave them as they are."""
-    digest = hashlib.sha256(repr(coordinates).encode()).digest()
-    return np.random.default_rng(int.from_bytes(digest))
-
-
 def outcome(result: RegistrationResult, T_exact: RigidTransform) -> dict[str, object]:
     """A row: what came of a pair, and for right answers how far off they are."""
     row: dict[str, object] = {"outcome": result.status, "doubt": False}
     if result.status != "ok" or result.T_target_source is None:
         return row
     error = pose_error(T_exact, result.T_target_source)
-    right = (
-        np.rad2deg(error.rotation_rad) < COARSE.rotation_deg
-        and error.translation_mm < COARSE.translation_mm
-    )
-    row["outcome"] = "right" if right else "wrong"
+    row["outcome"] = "right" if is_success(error, COARSE) else "wrong"
     row["doubt"] = any("which is right" in note for note in result.notes)
     row["error_mm"] = error.translation_mm
     row["covariance"] = result.covariance
@@ -189,14 +178,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=list(SOLIDS))
     options = parser.parse_args()
     SCENES["things"] = SceneEntry(things, ThingsParams)
-    families = {
-        kind: {
-            "scene": {"name": "things", "params": {"kind": kind}}, "new_scene": True,
-            "pairs": options.pairs, "aim_mm": [0, 0, 60], "aim_within_mm": 150,
-            "distance_mm": [700, 1000], "pitch_deg": 25.0,
-        }
-        for kind in options.only or SOLIDS
-    }  # fmt: skip
+    families = families_of("things", options.only or SOLIDS, options.pairs)
     overrides = ["methods=[{name: gauss_sphere}]", f"families={families}"]
     experiment = load_experiment(CONFIG, overrides, options.seed)
     rows = defaultdict[tuple[str, str], list[dict[str, object]]](list)
@@ -208,9 +190,12 @@ def main() -> None:
             target, source = (scanned(spec, scene, view) for view in (spec.target, spec.source))
         except RayError:
             continue
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         sources = {"nothing": source} | {
-            name: changed_scan(spec, source, change, keyed(options.seed, trial.pair, name))
+            # Other pairs and changes leave the random numbers of a change as they are.
+            name: changed_scan(
+                spec, source, change, keyed_rng(repr((options.seed, trial.pair, name)))
+            )
             for name, change in CHANGES.items()
         }
         for name, scan in sources.items():

@@ -25,7 +25,7 @@ limit_threads()
 
 import argparse  # noqa: E402
 from collections import Counter, defaultdict  # noqa: E402
-from collections.abc import Callable  # noqa: E402
+from collections.abc import Callable, Iterable  # noqa: E402
 from dataclasses import dataclass  # noqa: E402
 from pathlib import Path  # noqa: E402
 
@@ -38,7 +38,7 @@ from harness.choices import chosen_method  # noqa: E402
 from harness.config import load_experiment  # noqa: E402
 from harness.execution import full_spec, scan_view  # noqa: E402
 from harness.random_pairs import build_random_trials  # noqa: E402
-from harness.scoring import COARSE, exact_pose, pose_error  # noqa: E402
+from harness.scoring import COARSE, exact_pose, is_success, pose_error  # noqa: E402
 from registration import register  # noqa: E402
 from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
 from scenes import SCENES, SceneEntry  # noqa: E402
@@ -236,6 +236,20 @@ def hard(params: HardParams) -> Scene:
     return assemble(params.kind, kinds[params.kind](np.random.default_rng(params.seed)))
 
 
+def families_of(
+    scene: str, kinds: Iterable[str], pairs: int, pitch_deg: float = 25.0
+) -> dict[str, dict[str, object]]:
+    """The families of a config, one of so many pairs for each kind of a scene."""
+    return {
+        kind: {
+            "scene": {"name": scene, "params": {"kind": kind}}, "new_scene": True,
+            "pairs": pairs, "aim_mm": [0, 0, 60], "aim_within_mm": 150,
+            "distance_mm": [700, 1000], "pitch_deg": pitch_deg,
+        }
+        for kind in kinds
+    }  # fmt: skip
+
+
 def methods_compared(ablation: bool) -> dict[str, GaussSphereParams]:
     """Parameters of gauss_sphere by the label of a method."""
     if not ablation:
@@ -245,7 +259,7 @@ def methods_compared(ablation: bool) -> dict[str, GaussSphereParams]:
         }
     choices = load_experiment(ABLATION).methods
     return {
-        choice.label or choice.name: chosen_method(choice, ("methods", index), ABLATION).params
+        choice.called: chosen_method(choice, ("methods", index), ABLATION).params
         for index, choice in enumerate(choices)
     }
 
@@ -267,14 +281,7 @@ def main() -> None:
     several = EVERYDAY if options.everyday else SYMMETRIC if options.symmetric else KINDS
     kinds = options.only or list(several)
     SCENES["hard"] = SceneEntry(hard, HardParams)
-    families = {
-        kind: {
-            "scene": {"name": "hard", "params": {"kind": kind}}, "new_scene": True,
-            "pairs": options.pairs, "aim_mm": [0, 0, 60], "aim_within_mm": 150,
-            "distance_mm": [700, 1000], "pitch_deg": options.pitch,
-        }
-        for kind in kinds
-    }  # fmt: skip
+    families = families_of("hard", kinds, options.pairs, options.pitch)
     overrides = ["methods=[{name: gauss_sphere}]", f"families={families}"]
     overrides.append(f"yaw_within_deg={options.yaw}")
     overrides.append(f"overlap=[{options.least_overlap},0.4,0.6,1.0]")
@@ -290,17 +297,12 @@ def main() -> None:
             target, source = (scan_view(spec, view) for view in (spec.target, spec.source))
         except RayError:
             continue  # the sensor would stand inside of a solid
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         for label, params in methods.items():
             result, count = register(target, source, params=params), counts[group, label]
             count["pairs"] += 1
-            right = False
-            if result.T_target_source is not None:
-                error = pose_error(T_exact, result.T_target_source)
-                right = bool(
-                    np.rad2deg(error.rotation_rad) < COARSE.rotation_deg
-                    and error.translation_mm < COARSE.translation_mm
-                )
+            pose = result.T_target_source
+            right = pose is not None and is_success(pose_error(T_exact, pose), COARSE)
             count["right"] += right
             name = result.status
             if name == "ok":

@@ -27,7 +27,7 @@ from tabulate import tabulate  # noqa: E402
 from harness.config import load_experiment  # noqa: E402
 from harness.execution import full_spec, scan_view  # noqa: E402
 from harness.random_pairs import build_random_trials  # noqa: E402
-from harness.scoring import COARSE, FINE, exact_pose, pose_error  # noqa: E402
+from harness.scoring import COARSE, FINE, exact_pose, is_success, pose_error  # noqa: E402
 from harness.trials import Trials  # noqa: E402
 from registration import Scan, register  # noqa: E402
 from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
@@ -91,11 +91,7 @@ def judged(scans: list[Scan], T_exact: RigidTransform) -> str:
     if result.status != "ok" or result.T_target_source is None:
         return result.status
     error = pose_error(T_exact, result.T_target_source)
-    exact, close = (
-        np.rad2deg(error.rotation_rad) < tolerance.rotation_deg
-        and error.translation_mm < tolerance.translation_mm
-        for tolerance in (FINE, COARSE)
-    )
+    exact, close = (is_success(error, tolerance) for tolerance in (FINE, COARSE))
     return "right" if exact else "inexact" if close else "wrong"
 
 
@@ -125,7 +121,7 @@ def count_outcomes(
     for number, trial in enumerate(trials_of(options.pairs, options.seed, changes)):
         spec = full_spec(trial)
         scans = [scan_view(spec, view) for view in (spec.target, spec.source)]
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         for case, changed in cases.items():
             rng = np.random.default_rng([options.seed, number])
             counts[case][judged([changed(scan, rng) for scan in scans], T_exact)] += 1

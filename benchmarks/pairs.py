@@ -118,7 +118,7 @@ def pairs(count: int, profiles: int, seed: int) -> list[tuple[Scan, Scan, RigidT
     for trial in build_random_trials(experiment, CONFIG)[:count]:
         spec = full_spec(trial)
         target, source = (scan_view(spec, view) for view in (spec.target, spec.source))
-        found.append((target, source, exact_pose(spec.path(spec.target), spec.path(spec.source))))
+        found.append((target, source, exact_pose(*spec.paths)))
     return found
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from scenes import SCENES
 from scenes.rays import cast_fans
 from scenes.scene import Scene
-from sensors.jupiter import Jupiter, JupiterParams, lateral_slopes
+from sensors.jupiter import Jupiter, JupiterParams
 from sensors.noise import SWITCHES, NoiseParams
 from sensors.paths import ViewPath, aimed_view, straight_line
 
@@ -51,7 +51,7 @@ def rays(path: ViewPath) -> tuple[np.ndarray, np.ndarray]:
     A direction advances one unit in depth, so that distances are depths from the apex.
     """
     sensor = Jupiter()
-    slopes = lateral_slopes(sensor.params)
+    slopes = sensor.params.slopes
     fan = np.stack([np.zeros_like(slopes), slopes, np.ones_like(slopes)], axis=1)
     directions = fan @ path.T_world_profile.rotation.as_matrix().transpose(0, 2, 1)
     return path.T_world_profile.apply(sensor.apex_mm) / 1000.0, directions

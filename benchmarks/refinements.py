@@ -21,7 +21,6 @@ from typing import NamedTuple  # noqa: E402
 
 import numpy as np  # noqa: E402
 from missing_returns import PARAMS, trials_of  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 from scipy.spatial import KDTree  # noqa: E402
 from scipy.spatial.transform import RigidTransform, Rotation  # noqa: E402
 from tabulate import tabulate  # noqa: E402
@@ -40,8 +39,7 @@ from registration import Scan, register  # noqa: E402
 from registration.gauss_sphere.evidence import PlaneEvidence  # noqa: E402
 from registration.gauss_sphere.view import View  # noqa: E402
 from registration.result import RegistrationResult  # noqa: E402
-
-FloatArray = NDArray[np.float64]
+from registration.scan import FloatArray  # noqa: E402
 
 PIECES = replace(PARAMS, whole_planes=replace(PARAMS.whole_planes, most_floor_mm=0.0))
 LEVER_MM = 500.0  # as in the bound: so far away a turn counts as a shift

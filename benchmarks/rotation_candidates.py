@@ -20,7 +20,6 @@ from unittest.mock import patch  # noqa: E402
 
 import numpy as np  # noqa: E402
 from missing_returns import PARAMS  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 from refinements import drawn_pairs, is_right, normals_by_svd, options_of  # noqa: E402
 from scipy.spatial.transform import RigidTransform, Rotation  # noqa: E402
 from tabulate import tabulate  # noqa: E402
@@ -36,8 +35,8 @@ from registration.gauss_sphere.describing import describe  # noqa: E402
 from registration.gauss_sphere.evidence import PlaneEvidence  # noqa: E402
 from registration.gauss_sphere.params import RotationParams  # noqa: E402
 from registration.gauss_sphere.planes.patches import Patches  # noqa: E402
+from registration.scan import FloatArray  # noqa: E402
 
-FloatArray = NDArray[np.float64]
 Weigh = Callable[[Patches, float], GaussSphere]
 Search = Callable[[GaussSphere, GaussSphere, RotationParams], tuple[FloatArray, FloatArray]]
 NEAR_DEG, CERTAIN = 2.0, 0.99

@@ -32,7 +32,7 @@ from tabulate import tabulate  # noqa: E402
 
 from harness.execution import perform  # noqa: E402
 from harness.pool import process_pool  # noqa: E402
-from harness.random_groups import within  # noqa: E402
+from harness.row_scores import within  # noqa: E402
 from harness.scoring import COARSE  # noqa: E402
 from harness.session import execute, open_session, plan  # noqa: E402
 from harness.store import Store, load  # noqa: E402

@@ -9,7 +9,8 @@ from pathlib import Path
 from experiments.discussion import check_rows, rehearse_discussion, run_discussion
 from experiments.discussion_trials import KIND as DISCUSSION
 from experiments.precision import rehearse_precision, run_precision
-from experiments.profile_pairs import KIND, check_kept, rehearse_profiles, run_profiles
+from experiments.profile_pairs import KIND as PROFILES
+from experiments.profile_pairs import check_kept, rehearse_profiles, run_profiles
 from experiments.terminal import make_console, show_paths, show_tables
 from harness.config import read_mapping
 from harness.config_errors import ConfigError
@@ -21,14 +22,14 @@ Run = Callable[[Path, Path | None, Sequence[str], int | None], tuple[list[Table]
 # By the key `experiment` of the config; harness.config.experiment_kind reads it.
 RUNS: dict[str, Run] = {
     "precision": run_precision,
-    KIND: run_profiles,
+    PROFILES: run_profiles,
     DISCUSSION: run_discussion,
 }
 
 Rehearsal = Callable[[Path, Path | None, Sequence[str], int | None], list[str]]
 REHEARSALS: dict[str, Rehearsal] = {
     "precision": rehearse_precision,
-    KIND: rehearse_profiles,
+    PROFILES: rehearse_profiles,
     DISCUSSION: rehearse_discussion,
 }
 
@@ -39,7 +40,7 @@ def rehearse(
     """Check the config and tell what a run would do; writes nothing. Raises ConfigError."""
     console = make_console()
     for line in REHEARSALS[kind](config, folder, overrides, seed):
-        console.print(line, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
 
 
 def check_reportable(
@@ -49,7 +50,7 @@ def check_reportable(
     if kind == DISCUSSION:
         check_rows(config, folder, overrides, seed)
         return
-    if kind != KIND:
+    if kind != PROFILES:
         message = (
             f"{config} keeps no scans to report on, only its tables and figures: without "
             "--report-only it measures anew, which takes seconds"
@@ -70,4 +71,4 @@ def show_run(
     write_page(written, part.title, [part])
     show_tables(console, tables)
     show_paths(console, written)
-    console.print(f"{time.perf_counter() - start:.1f} s", markup=False)
+    console.print(f"{time.perf_counter() - start:.1f} s")

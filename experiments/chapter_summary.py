@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.transform import RigidTransform
 
-from experiments.medians import Median, median_interval, rate
+from experiments.medians import Median, median_of
 from experiments.profile_summary import profile_seconds, profile_summary
-from harness.pair_tables import COLUMNS, NAMES, printed_six, thesis_values
+from harness.chance import rate
+from harness.pair_tables import NAMES, printed_six, theoretical_error, thesis_values
+from harness.row_scores import ERRORS, within
 from harness.schema import Experiment, Pair
-from harness.scoring import COARSE, PoseError, is_success, pose_error
+from harness.scoring import COARSE, PARAMETERS
 from harness.table_files import Table
 from harness.trials import Trial
 from harness.views import LABEL_ORDER
 from registration.scan import FloatArray
 
-ERRORS = ("Error, rotation angle (deg)", "Error, translation norm (mm)")
-ERROR_COLUMNS = ("rotation_error_deg", "translation_error_mm")
+ERROR_NAMES = ("Error, rotation angle (deg)", "Error, translation norm (mm)")
 # Sections 6.3 to 6.5, "about": Matlab on a Pentium III at 933 MHz.
 THESIS_SECONDS = {"6.1": 16.0, "6.2": 6.0, "6.3": 6.0, "6.4": 60.0, "6.5": 60.0}
 
@@ -104,15 +104,14 @@ def comparison_table(pairs: Sequence[PrintedPair]) -> Table:
             record: dict[str, Any] = {"Table": each.name, "Method": method}
             answered = rows["status"] == "ok"
             record["Answered"] = rate(int(answered.sum()), len(rows))
-            record[f"Within {COARSE.rotation_deg:g} deg, {COARSE.translation_mm:g} mm"] = rate(
-                int(sum(_right(row) for row in rows.to_dict("records"))), len(rows)
-            )
+            limits = f"{COARSE.rotation_deg:g} deg, {COARSE.translation_mm:g} mm"
+            record[f"Within {limits}"] = rate(int(within(rows, COARSE).sum()), len(rows))
             for column, what, unit, limit in zip(
-                ERROR_COLUMNS, ("Rotation", "Translation"), ("deg", "mm"), theirs[1][6:],
+                ERRORS, ("Rotation", "Translation"), ("deg", "mm"), theirs[1][6:],
                 strict=True,
             ):  # fmt: skip
                 errors = rows[column].where(answered, np.inf).to_numpy(dtype=np.float64)
-                middle = median_interval(errors)
+                middle = median_of(errors)
                 record[f"{what} error ({unit})"] = middle.text(".2f")
                 record[f"Thesis's ({unit})"] = limit
                 record[f"{what} smaller"] = "yes" if middle.middle < limit else "no"
@@ -148,7 +147,7 @@ def estimate_table(pairs: Sequence[PrintedPair]) -> Table:
             {"Table": each.name, "Parameter": "Answered"}
             | {m: rate(len(answered[m]), len(each.of(m))) for m in each.methods}
         )
-        for place, (name, column) in enumerate(zip(NAMES, COLUMNS, strict=True)):
+        for place, (name, column) in enumerate(zip(NAMES, PARAMETERS, strict=True)):
             label = "XYZ"[LABEL_ORDER[labels][place]] if place < 3 else ""
             if label not in name[:10]:
                 name += f", printed as {label}"
@@ -157,8 +156,8 @@ def estimate_table(pairs: Sequence[PrintedPair]) -> Table:
             for method, rows in answered.items():
                 record[method] = _median(rows, f"estimated_{column}").text(".2f")
             records.append(record)
-        off = _theoretical_error(first)
-        for place, (name, column) in enumerate(zip(ERRORS, ERROR_COLUMNS, strict=True)):
+        off = theoretical_error(first)
+        for place, (name, column) in enumerate(zip(ERROR_NAMES, ERRORS, strict=True)):
             record = {"Table": each.name, "Parameter": name}
             record |= {KNOWN[1]: off[place], KNOWN[3]: theirs[1][6 + place]}
             for method, rows in answered.items():
@@ -191,8 +190,8 @@ def number_table(pairs: Sequence[PrintedPair]) -> Table:
             rows = each.of(method)
             answered = rows[rows["status"] == "ok"]
             for name, columns in (
-                *((c, (f"estimated_{c}", f"error_{c}")) for c in COLUMNS),
-                *((c, (None, c)) for c in ERROR_COLUMNS),
+                *((c, (f"estimated_{c}", f"error_{c}")) for c in PARAMETERS),
+                *((c, (None, c)) for c in ERRORS),
             ):
                 record: dict[str, Any] = {"table": each.name, "method": method, "parameter": name}
                 record |= {"trials": len(rows), "answered": len(answered)}
@@ -247,36 +246,25 @@ def _joined(name: str, parts: Sequence[PartResult]) -> list[Table]:
     found = [(part.name, table) for part in parts for table in part.tables if table.name == name]
     if not found:
         return []
-    frames = []
-    for part, table in found:
-        frame = table.frame.copy()
-        frame.insert(0, "Part", part)
-        frames.append(frame)
     first = found[0][1]
     notes = "".join(table.note for _, table in found)
-    frame = pd.concat(frames, ignore_index=True)
     formats = {column: form for _, table in found for column, form in table.formats.items()}
+    frame = part_by_part(found)
     return [Table(name, first.title, first.caption, frame, formats, notes, in_full=True)]
 
 
+def part_by_part(tables: Sequence[tuple[str, Table]]) -> pd.DataFrame:
+    """The frames of tables one below the other, each line with the name of its part."""
+    frames = [table.frame.copy() for _, table in tables]
+    for frame, (part, _) in zip(frames, tables, strict=True):
+        frame.insert(0, "Part", part)
+    return pd.concat(frames, ignore_index=True)
+
+
 def _six(row: pd.Series[Any], kind: str) -> FloatArray:
-    six: FloatArray = row[[f"{kind}_{column}" for column in COLUMNS]].to_numpy(dtype=np.float64)
+    six: FloatArray = row[[f"{kind}_{column}" for column in PARAMETERS]].to_numpy(dtype=np.float64)
     return six
 
 
-def _theoretical_error(row: pd.Series[Any]) -> tuple[float, float]:
-    """How far the encoders' pose is off the exact one, degrees and mm; NaN without an arm."""
-    if row["T_theoretical"] is None:
-        return np.nan, np.nan
-    poses = (RigidTransform.from_matrix(row[f"T_{kind}"]) for kind in ("exact", "theoretical"))
-    error = pose_error(*poses)
-    return float(np.rad2deg(error.rotation_rad)), error.translation_mm
-
-
 def _median(rows: pd.DataFrame, column: str) -> Median:
-    return median_interval(rows[column].to_numpy(dtype=np.float64))
-
-
-def _right(row: Mapping[Any, Any]) -> bool:
-    error = PoseError(np.deg2rad(row["rotation_error_deg"]), row["translation_error_mm"])
-    return row["status"] == "ok" and is_success(error, COARSE)
+    return median_of(rows[column].to_numpy(dtype=np.float64))

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
-
-from experiments.chapter_summary import PartResult
+from experiments.chapter_summary import PartResult, part_by_part
 from experiments.chapters import PAIRS, ChaptersExperiment, PartRun
 from harness.pool import MakeExecutor
 from harness.report.answer import OURS, scores
@@ -67,11 +65,4 @@ def _answer(parts: Sequence[Part]) -> Table | None:
     answers = [(part.name, part.answer) for part in parts if part.answer is not None]
     if not answers:
         return None
-    frames = []
-    for name, answer in answers:
-        frame = answer.frame.copy()
-        frame.insert(0, "Part", name)
-        frames.append(frame)
-    return replace(
-        answers[0][1], title="Part by part", frame=pd.concat(frames, ignore_index=True), note=""
-    )
+    return replace(answers[0][1], title="Part by part", frame=part_by_part(answers), note="")

@@ -52,9 +52,10 @@ def _main(options: argparse.Namespace) -> int:
         _check_register(options)
         if options.list:
             return _list()
-        if options.config is not None and experiment_kind(options.config) in AT_ONCE:
-            return _run_at_once(options)
-        if options.config is not None and experiment_kind(options.config) == CHAPTERS:
+        kind = None if options.config is None else experiment_kind(options.config)
+        if kind in AT_ONCE:
+            return _run_at_once(options, kind)
+        if kind == CHAPTERS:
             return _run_chapters(options)
         if options.config is not None:
             experiment = load_experiment(options.config, options.set, options.seed)
@@ -112,15 +113,13 @@ def _list() -> int:
     return EXIT_OK
 
 
-def _run_at_once(options: argparse.Namespace) -> int:
+def _run_at_once(options: argparse.Namespace, kind: str) -> int:
     from experiments.at_once import RUNS, check_reportable, rehearse, show_run
     from experiments.discussion import replay_asked, run_discussion
     from experiments.discussion_trials import KIND as DISCUSSION
-    from harness.config import experiment_kind
     from harness.config_errors import ConfigError
     from harness.store import StoreError
 
-    kind = experiment_kind(options.config)
     for name in NEED_TRIALS:
         if getattr(options, name) and (name, kind) != ("trial", DISCUSSION):
             flag = "--" + name.replace("_", "-")

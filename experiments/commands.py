@@ -65,14 +65,11 @@ def run_all(
         planned = plan(session, store, redraw)
         if planned.outdated:
             then = "the figures are not" if redraw else "they are computed again"
-            console.print(
-                f"{planned.outdated} rows were computed by other code: {then}", markup=False
-            )
+            console.print(f"{planned.outdated} rows were computed by other code: {then}")
         who = f"the workers of {scheduler}" if scheduler else f"{workers} workers"
         console.print(
             f"{session.experiment.title}: {planned.missing} trials to compute, {planned.reused} "
             f"reused, {who}",
-            markup=False,
         )
         tell_left_out(console, session)
         tell_beyond_reach(console, session)
@@ -106,7 +103,6 @@ def run_all(
         f"{tally.computed} trials computed, {planned.reused} reused; {answered} of "
         f"{len(session.trials)} answered, {tally.errors} errors; "
         f"{time.perf_counter() - start:.1f} s with {who}",
-        markup=False,
     )
     for line in tally.first_errors:
         print(line, file=sys.stderr)
@@ -145,31 +141,29 @@ def replay(trials: Sequence[Trial], identity: str) -> int:
     trial = find_trial(trials, identity)
     row = perform(trial).row
     console = make_console()
-    console.print(f"trial {trial.id}: {trial_name(trial)}", markup=False)
-    console.print(outcome(row), markup=False, soft_wrap=True)
+    console.print(f"trial {trial.id}: {trial_name(trial)}")
+    console.print(outcome(row), soft_wrap=True)
     for note in row.notes:
-        console.print(f"note       {note}", markup=False, soft_wrap=True)
+        console.print(f"note       {note}", soft_wrap=True)
     for name, pose in (("exact", row.T_exact), ("estimated", row.T_estimated)):
         if pose is not None:
             six = six_parameters(pose)
             console.print(
                 f"{name:9}  rotation X, Y, Z {six[0]:9.3f} {six[1]:9.3f} {six[2]:9.3f} deg   "
                 f"translation {six[3]:9.2f} {six[4]:9.2f} {six[5]:9.2f} mm",
-                markup=False,
                 soft_wrap=True,
             )
     if row.overlap_target is not None and row.overlap_source is not None:
         console.print(
             f"overlap    {row.overlap_source:.1%} of the source's points, "
             f"{row.overlap_target:.1%} of the target's",
-            markup=False,
         )
     for what, values, unit in (("counts", row.counts, ""), ("times", row.stage_ms, " ms")):
         text = ", ".join(f"{name} {value:.0f}{unit}" for name, value in values.items())
         if text:
-            console.print(f"{what:9}  {text}", markup=False, soft_wrap=True)
+            console.print(f"{what:9}  {text}", soft_wrap=True)
     if row.traceback:
-        console.print(row.traceback, markup=False, soft_wrap=True)
+        console.print(row.traceback, soft_wrap=True)
     return EXIT_FAILED if row.status == "error" else EXIT_OK
 
 
@@ -219,13 +213,13 @@ def tell_long_check(experiment: AnyExperiment | None) -> None:
         return
     points = point_count(experiment.sweep)
     if MANY_POINTS <= points <= MOST_POINTS:
-        make_console().print(f"Checking all {points} points first", markup=False)
+        make_console().print(f"Checking all {points} points first")
 
 
 def tell_left_out(console: Console, session: Session) -> None:
     """One line for each optional method that cannot run here."""
     for line in session.left_out:
-        console.print(line, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
 
 
 def tell_alike(console: Console, session: Session, planned: Plan) -> None:
@@ -234,7 +228,6 @@ def tell_alike(console: Console, session: Session, planned: Plan) -> None:
         console.print(
             f"{len(session.trials)} trials are asked for, {planned.different} different ones: "
             "those that are the same share one row.",
-            markup=False,
             soft_wrap=True,
         )
 
@@ -246,7 +239,6 @@ def tell_beyond_reach(console: Console, session: Session) -> None:
     for name, reason in beyond_reach(session.experiment, session.base).items():
         console.print(
             f"View {name} is scanned from a straight line, without the arm: {reason}.",
-            markup=False,
             soft_wrap=True,
         )
 
@@ -269,7 +261,7 @@ def tell_no_overlap(console: Console, session: Session) -> None:
             line += (
                 " (rotation_labels: printed; swapped is the reading that fits tables 6.2 to 6.5)"
             )
-        console.print(f"{line}.", markup=False, soft_wrap=True)
+        console.print(f"{line}.", soft_wrap=True)
 
 
 def available_cores() -> int:

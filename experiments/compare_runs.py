@@ -11,7 +11,7 @@ from harness.compare_figure import draw_comparison
 from harness.config_errors import ConfigError
 from harness.pair_view import file_slug
 from harness.report.page import Part
-from harness.report.run_page import write_page
+from harness.report.run_page import text_of, write_page
 from harness.store import load
 from harness.table_files import write_tables
 
@@ -39,6 +39,7 @@ def compare(first: Path, second: Path, folder: Path | None) -> int:
         f"{len(pairs)} trials in common, of {len(rows[0])} in {names[0]} and {len(rows[1])} in "
         f"{names[1]}. {summary(pairs, names)}"
     )
+    configs = [each / "config.yaml" for each in (first, second)]
     part = Part(
         name="comparison",
         title=f"{names[1]} against {names[0]}",
@@ -46,13 +47,13 @@ def compare(first: Path, second: Path, folder: Path | None) -> int:
         answer=tables[0],
         tables=tables[1:],
         figures=[figure],
-        config="\n\n".join(f"# {each}/config.yaml\n{_text(each)}" for each in (first, second)),
+        config="\n\n".join(f"# {file}\n{text_of(file)}" for file in configs),
         command=f"run-experiment --compare {first} {second}",
     )
     write_page(folder, part.title, [part])
     console = make_console()
     show_tables(console, tables)
-    console.print(sentence, markup=False)
+    console.print(sentence)
     show_paths(console, folder)
     return EXIT_OK
 
@@ -65,8 +66,3 @@ def _names(first: Path, second: Path) -> tuple[str, str]:
         if names[0] != names[1]:
             return names
     return "the first", "the second"
-
-
-def _text(folder: Path) -> str:
-    file = folder / "config.yaml"
-    return file.read_text(encoding="utf-8") if file.exists() else ""

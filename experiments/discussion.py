@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,10 +19,10 @@ from experiments.turned_rotation import Turning, middle_mm, turn
 from harness.card import card_table
 from harness.config import dump_yaml
 from harness.config_errors import ConfigError
+from harness.pair_tables import theoretical_error
 from harness.pool import MakeExecutor, process_pool
-from harness.provenance import code_fingerprint, run_facts
+from harness.provenance import code_fingerprint, note_run
 from harness.runner import Task, run
-from harness.scoring import pose_error
 from harness.store import FILE_NAME, Store, load
 from harness.table_files import Table, write_tables
 from harness.trials import TrialSpec
@@ -155,8 +154,7 @@ def perform_asked(
         done = store.finished(code)
         missing = {t.id: t for t in trials if t.id not in done}
         if missing:
-            facts = json.dumps(run_facts(code), indent=2)
-            (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+            note_run(folder, code)
         store.begin(trials)
         with reporting(make_console(), Tally(len(missing))) as reporter:
             tasks = [Task(trial, keep=True) for trial in missing.values()]
@@ -167,7 +165,7 @@ def perform_asked(
     rows["scene"] = [a.scene for a in whole]
     rows["value"] = [a.value for a in whole]
     rows["overlap"] = rows[["overlap_target", "overlap_source"]].min(axis=1)
-    errors = [_theoretical_error(row) for row in rows.to_dict("records")]
+    errors = [theoretical_error(row) for row in rows.to_dict("records")]
     rows[["theoretical_deg", "theoretical_mm"]] = np.array(errors)
     misses = [
         _miss(row, a.trial.spec) for row, a in zip(rows.to_dict("records"), whole, strict=True)
@@ -188,14 +186,6 @@ def turn_rotations(
     with make_executor() as executor:
         rows = [row for found in executor.map(turn, turnings) for row in found]
     return pd.DataFrame(rows)
-
-
-def _theoretical_error(row: Mapping[Any, Any]) -> tuple[float, float]:
-    exact, theoretical = row["T_exact"], row["T_theoretical"]
-    if exact is None or theoretical is None:
-        return np.nan, np.nan
-    error = pose_error(*(RigidTransform.from_matrix(m) for m in (exact, theoretical)))
-    return float(np.rad2deg(error.rotation_rad)), error.translation_mm
 
 
 def _miss(row: Mapping[Any, Any], spec: object) -> tuple[float, ...]:

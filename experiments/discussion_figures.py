@@ -21,9 +21,9 @@ from experiments.discussion_tables import (
     table_of,
 )
 from experiments.discussion_trials import PLAIN, DiscussionExperiment
-from harness.figures_page import Style, add_axes, new_figure, save
+from harness.figures_page import add_axes, new_figure, page_style, save
 from harness.looks import GREY, INK
-from harness.random_groups import within
+from harness.row_scores import within
 from harness.scoring import COARSE, wilson_interval
 
 METHODS = {"thesis": "#D55E00", "gauss_sphere": "#0072B2"}
@@ -49,7 +49,7 @@ def draw_discussion(
         "icp_on_top": ("What is ICP on top worth?", ICP),
     }
     files = []
-    with Style():
+    with page_style():
         files.append(save(draw_turned(turned), folder / "rotation_error.png"))
         for name, (title, labels) in variants.items():
             files.append(save(draw_variants(of["stages"], title, labels), folder / f"{name}.png"))

@@ -11,11 +11,12 @@ import numpy as np
 import pandas as pd
 
 from experiments.discussion_trials import STAGES, DiscussionExperiment
-from harness.random_groups import within
+from harness.chance import median_text, rate
+from harness.row_scores import within
 from harness.schema import MethodChoice
-from harness.scoring import COARSE, wilson_interval
+from harness.scoring import COARSE
 from harness.table_files import Table
-from harness.variants import median_interval, variant_tables
+from harness.variants import variant_tables
 from registration.scan import FloatArray
 
 # Shares of overlap; the low end belongs to its range.
@@ -50,8 +51,8 @@ def turned_table(turned: pd.DataFrame) -> Table:
                 "Turned by (deg)": angle_deg,
                 "Trials": len(group),
                 "With a translation": len(known),
-                "Error (mm)": spread(known["translation_error_mm"]),
-                "Error at the middle (mm)": spread(known["middle_error_mm"]),
+                "Error (mm)": _median(known["translation_error_mm"]),
+                "Error at the middle (mm)": _median(known["middle_error_mm"]),
                 "Lever (mm)": float(known["lever_mm"].median()),
             }
         )
@@ -183,14 +184,13 @@ def overlap_table(rows: pd.DataFrame) -> Table:
     records = []
     for scene, method, low, high, group in by_overlap(rows):
         right = int(within(group, COARSE).sum())
-        least, most = wilson_interval(right, len(group))
         records.append(
             {
                 "Scene": scene,
                 "Method": method,
                 "Overlap": f"{low:.0%} to {min(high, 1.0):.0%}",
                 "Trials": len(group),
-                "Right": f"{right}/{len(group)} [{least:.0%}, {most:.0%}]",
+                "Right": rate(right, len(group)),
                 "Answered, but wrong": int((group["status"] == "ok").sum()) - right,
             }
         )
@@ -199,8 +199,7 @@ def overlap_table(rows: pd.DataFrame) -> Table:
         "How much overlap is needed",
         "Two views turned against each other about the vertical, which look past each other. "
         "Overlap: the smaller of the two views' exact shares of points that the other sees. "
-        f"Right: of status ok, within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} "
-        "mm, with Wilson's 95 % interval.",
+        f"Right: of status ok, within {COARSE}, with Wilson's 95 % interval.",
         pd.DataFrame(records),
         {"Trials": "d", "Answered, but wrong": "d"},
         note=_overlap_conclusion(rows),
@@ -253,7 +252,7 @@ def bracket_table(rows: pd.DataFrame) -> Table:
         for unit in ("deg", "mm"):
             record[f"Theoretical ({unit})"] = float(group[f"theoretical_{unit}"].median())
             kind = {"deg": "rotation", "mm": "translation"}[unit]
-            record[f"Estimate ({unit})"] = spread(answered[f"{kind}_error_{unit}"])
+            record[f"Estimate ({unit})"] = _median(answered[f"{kind}_error_{unit}"])
         records.append(record)
     formats = {"Bracket times": "g", "Trials": "d", "Answered": "d"}
     return Table(
@@ -292,11 +291,5 @@ def _bracket_conclusion(rows: pd.DataFrame) -> str:
     )
 
 
-def spread(values: pd.Series) -> str:
-    """A median with its interval, where there are values enough."""
-    known = values.dropna().to_numpy(dtype=np.float64)
-    if not len(known):
-        return ""
-    bounds = median_interval(known)
-    text = f"{np.median(known):.2f}"
-    return text if bounds is None else f"{text} [{bounds[0]:.2f}, {bounds[1]:.2f}]"
+def _median(values: pd.Series) -> str:
+    return median_text(values.dropna().to_numpy(dtype=np.float64))

@@ -18,7 +18,7 @@ from experiments.chapter_summary import PartResult
 from experiments.profile_figures import telling_pair
 from experiments.profile_pairs import register_profiles
 from harness.execution import perform
-from harness.figures_page import Style, save
+from harness.figures_page import page_style, save
 from harness.pool import MakeExecutor, shutting_down
 from harness.provenance import code_fingerprint
 from harness.table_files import Table
@@ -123,7 +123,7 @@ def draw_numbered(trials: Sequence[Trial], numbers: Sequence[str], folder: Path)
         file = folder / f"figure_{figure.number}.png"
         title = f"Figure {figure.number}, simulated: {figure.shows}"
         try:
-            with Style():
+            with page_style():
                 save(figure.draw({name: pairs[name] for name in figure.pairs}, title), file)
         except (MissingEvidenceError, KeyError) as error:
             reason = str(error) if isinstance(error, MissingEvidenceError) else "no overlap"
@@ -150,7 +150,7 @@ def draw_planar(trials: Sequence[Trial], rows: pd.DataFrame, folder: Path) -> li
             place = f"profile {shown[0].profile} at {shown[0].elevation_mm:.0f} mm"
             of, where = f"{of}, {place}", f"{where}, {place}"
         file = folder / f"figure_{figure.number}.png"
-        with Style():
+        with page_style():
             save(figure.draw(*shown, first, where), file)
         drawings.append(Drawing(figure.number, file.name, of))
     return drawings

@@ -16,7 +16,7 @@ from rich.console import Console
 
 from experiments.cli import EXIT_FAILED, EXIT_OK
 from experiments.terminal import make_console
-from harness.clouds import SOURCE_RGB, TARGET_RGB, measured_points, write_cloud
+from harness.clouds import write_merged
 from harness.config_errors import ConfigError
 from harness.provenance import run_facts
 from harness.report.own_page import write_own_page
@@ -81,13 +81,12 @@ def register_files(
         )  # fmt: skip
         written = [f"{page}  the pair in 3D, opens in any browser", str(answer)]
         if pose is not None:
-            merged = [measured_points(target), pose.apply(measured_points(source))]
-            cloud = write_cloud(folder / "merged.ply", merged, [TARGET_RGB, SOURCE_RGB])
+            cloud = write_merged(folder / "merged.ply", target, source, pose)
             written.insert(1, f"{cloud}  target blue, source orange, in mm")
     except OSError as error:
         message = f"{folder} cannot be a results folder: {error.strerror}; give another"
         raise ConfigError("--out", (), message) from None
-    console.print("\n  ".join(["Written:", *written]), markup=False, soft_wrap=True)
+    console.print("\n  ".join(["Written:", *written]), soft_wrap=True)
     return EXIT_OK if result.status == "ok" else EXIT_FAILED
 
 
@@ -149,7 +148,7 @@ def _tell(console: Console, result: RegistrationResult) -> None:
     for direction in result.undetermined:
         turn, shift = (_row(part, 3) for part in (direction[:3], direction[3:]))
         lines += [f"Left open by the scans: turn {turn}, shift {shift} (rad and mm alike)"]
-    console.print("\n".join(lines), markup=False, soft_wrap=True)
+    console.print("\n".join(lines), soft_wrap=True)
 
 
 def _row(values: FloatArray, decimals: int) -> str:

@@ -18,7 +18,7 @@ from harness.card import as_table, geometry_table
 from harness.choices import checked_params
 from harness.config import dump_yaml, overridden_mapping, validated
 from harness.config_errors import ConfigError, nearest
-from harness.provenance import code_fingerprint, run_facts
+from harness.provenance import code_fingerprint, note_run
 from harness.schema import Angle, Choice, Length, ScanSize
 from harness.strict import Strict
 from harness.table_files import Table, write_tables
@@ -27,7 +27,7 @@ from registration.calibration_fit import TargetScan, fit_calibration
 from registration.scan import FloatArray, Scan
 from sensors import SENSORS
 from sensors.calibration import OFFSET_Y_MM, OFFSET_Z_MM
-from sensors.card import measure_card
+from sensors.card import mean_over_profiles, measure_card
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.target_scans import as_told, scan_target
 
@@ -166,8 +166,7 @@ def run_precision(
     resolved: dict[str, Any] = experiment.model_dump(mode="json")
     resolved["sensor"]["params"] = json.loads(json.dumps(dataclasses.asdict(params)))
     (folder / "config.yaml").write_text(dump_yaml(resolved), encoding="utf-8")
-    facts = run_facts(code_fingerprint(()))
-    (folder / "run.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+    note_run(folder, code_fingerprint(()))
     calibration.write(folder / "calibration.json")
     write_tables(tables, folder / "tables")
     draw_precision(measured, calibration, experiment.seed, folder / "figures")
@@ -266,9 +265,4 @@ def beam_errors_mm(
     beams[..., 0] = 0.0
     beams /= beams[..., 2:]
     # Off the plane along its normal; along the beam that is as much longer as it is inclined.
-    error_mm = (points_mm @ normal - target.offset_mm) / (beams @ normal)
-    valid = np.isfinite(error_mm)
-    count = valid.sum(axis=0)
-    total = np.where(valid, error_mm, 0.0).sum(axis=0)
-    mean: FloatArray = total / np.where(count > 0, count, np.nan)
-    return mean
+    return mean_over_profiles((points_mm @ normal - target.offset_mm) / (beams @ normal))

@@ -18,7 +18,8 @@ from experiments.precision import (
     beam_errors_mm,
     raw,
 )
-from harness.figures_page import LEFT_IN, WIDTH_IN, Style, add_axes, new_figure, save
+from experiments.precision_spacing import WIDE_IN
+from harness.figures_page import LEFT_IN, add_axes, new_figure, page_style, save
 from harness.looks import MARK, SOURCE, TARGET
 from registration.calibration import Calibration
 from registration.scan import Scan
@@ -29,8 +30,6 @@ from sensors.calibration import OFFSET_Z_MM
 from sensors.card import mean_depths_mm
 from sensors.jupiter import Jupiter
 from sensors.paths import aimed_view, straight_line
-
-WIDE_IN = WIDTH_IN - LEFT_IN - 0.3
 
 
 def draw_precision(
@@ -52,7 +51,7 @@ def draw_precision(
     }
     files = []
     for name, draw in figures.items():
-        with Style():
+        with page_style():
             files.append(save(draw(), folder / f"{name}.png"))
     return files
 

@@ -20,10 +20,10 @@ from harness.figures_page import (
     HEAD_IN,
     LEFT_IN,
     WIDTH_IN,
-    Style,
     add_axes,
     amount,
     new_figure,
+    page_style,
     save,
 )
 from harness.looks import GREY, INK, MARK, TARGET
@@ -46,7 +46,7 @@ def draw_profiles(
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.png"):
         old.unlink()
-    drawn = {method.label or method.name for method in experiment.methods if method.figures}
+    drawn = {method.called for method in experiment.methods if method.figures}
     files = []
     for trial in trials:
         if trial.spec.repeat > 0 or trial.label not in drawn:
@@ -54,7 +54,7 @@ def draw_profiles(
         chosen = (rows["pair"] == trial.pair) & (rows["method"] == trial.label)
         slug = file_slug(f"{trial.pair}_{trial.label}")
         for number, draw in _figures(trial, rows[chosen & (rows["repeat"] == 0)]):
-            with Style():
+            with page_style():
                 files.append(save(draw(), folder / f"figure_{number}_{slug}.png"))
     return files
 

@@ -30,10 +30,16 @@ def outliers(values: FloatArray) -> BoolArray:
     return far
 
 
+def wrapped_deg(angle_deg: FloatArray) -> FloatArray:
+    """Angles from -180 to below 180 degrees."""
+    wrapped: FloatArray = np.mod(angle_deg + 180.0, 360.0) - 180.0
+    return wrapped
+
+
 def middle(values: FloatArray) -> FloatArray:
     """The median of motions (n, 3), the turn's taken about the one that is nearest to all."""
     turn = values[:, 0]
-    apart = np.mod(turn[:, None] - turn[None] + 180.0, 360.0) - 180.0
+    apart = wrapped_deg(turn[:, None] - turn[None])
     nearest = np.abs(apart).sum(axis=0).argmin()
     centre: FloatArray = np.median(
         np.column_stack([turn[nearest] + apart[:, nearest], values[:, 1:]]), axis=0
@@ -48,6 +54,6 @@ def mean_motion(rows: pd.DataFrame) -> FloatArray:
         return np.full(3, np.nan)
     centre = middle(values)
     apart = values - centre
-    apart[:, 0] = np.mod(apart[:, 0] + 180.0, 360.0) - 180.0
+    apart[:, 0] = wrapped_deg(apart[:, 0])
     mean: FloatArray = centre + apart.mean(axis=0)
     return mean

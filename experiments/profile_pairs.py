@@ -21,7 +21,9 @@ from harness.config import check_names, dump_yaml, overridden_mapping, validated
 from harness.config_errors import ConfigError
 from harness.execution import scan_view
 from harness.pool import MakeExecutor, shutting_down
-from harness.provenance import code_fingerprint, run_facts
+from harness.provenance import code_fingerprint, note_run
+from harness.report.packing import write_whole
+from harness.resolved import with_defaults
 from harness.schema import Experiment
 from harness.scoring import pose_error, six_parameters
 from harness.table_files import Table, write_tables
@@ -153,7 +155,7 @@ def kept_rows(
         rows, times = (pd.read_csv(folder / name) for name in (ROWS, TIMES))
     except (OSError, ValueError):  # ValueError: cut off while writing
         return None
-    written = dump_yaml(_resolved(experiment, trials)), _code(experiment)
+    written = dump_yaml(with_defaults(experiment, trials)), _code(experiment)
     if (config, facts.get("code")) != written or len(rows) != len(times):
         return None
     rows["reason"] = rows["reason"].fillna("")
@@ -184,7 +186,7 @@ def register_profiles(trial: Trial) -> Iterator[ProfilePair]:
     if not isinstance(spec, TrialSpec):
         raise TypeError(f"{type(spec).__name__} names no views")
     target, source = scan_view(spec, spec.target), scan_view(spec, spec.source)
-    target_path, source_path = spec.path(spec.target), spec.path(spec.source)
+    target_path, source_path = spec.paths
     exact = target_path.T_world_profile.inv() * source_path.T_world_profile
     elevation_mm = target_path.T_world_profile.translation[:, 2]
     method = find_method(spec.method.name)
@@ -238,37 +240,14 @@ def _keep(
     """Write the rows and all that says what they are of; the times apart, which never agree."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / ROWS).unlink(missing_ok=True)  # the last to be written: with it the rest is whole
-    (folder / "config.yaml").write_text(dump_yaml(_resolved(experiment, trials)), encoding="utf-8")
-    facts = json.dumps(run_facts(_code(experiment)), indent=2)
-    (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+    config = dump_yaml(with_defaults(experiment, trials))
+    (folder / "config.yaml").write_text(config, encoding="utf-8")
+    note_run(folder, _code(experiment))
     rows[TIME_COLUMNS].to_csv(folder / TIMES, index=False, lineterminator="\n")
-    draft = folder / f"{ROWS}.part"
-    rows.drop(columns="ms").to_csv(draft, index=False, lineterminator="\n")
-    draft.replace(folder / ROWS)
+    text = rows.drop(columns="ms").to_csv(index=False, lineterminator="\n")
+    write_whole(folder / ROWS, text.encode())
 
 
 def _code(experiment: ProfilesExperiment) -> str:
     """The fingerprint of the code that computes rows, of these modules too."""
     return code_fingerprint((method.name for method in experiment.methods), OWN_CODE)
-
-
-def _resolved(experiment: ProfilesExperiment, trials: Sequence[Trial]) -> dict[str, Any]:
-    """The configuration with every default and preset written out."""
-    data: dict[str, Any] = experiment.model_dump(mode="json", exclude_none=True)
-    spec = trials[0].spec
-    assert isinstance(spec, TrialSpec)
-    data["scene"]["params"] = _plain(spec.scene.params)
-    data["sensor"]["params"] = _plain(spec.sensor.params)
-    if spec.target.arm is not None:
-        data["arm"] = _plain(spec.target.arm)
-    params = {trial.label: trial.spec.method.params for trial in trials}
-    for method in data["methods"]:
-        method.pop("preset", None)
-        method["params"] = _plain(params[method.get("label", method["name"])])
-    return data
-
-
-def _plain(params: Any) -> Any:
-    if not dataclasses.is_dataclass(params) or isinstance(params, type):
-        return params
-    return json.loads(json.dumps(dataclasses.asdict(params)))

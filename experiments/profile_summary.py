@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.medians import median_interval
+from experiments.medians import median_of
 from experiments.profile_losses import loss_table
 from experiments.profile_means import MOTION, mean_motion, middle
 from experiments.profile_tables import (
@@ -53,7 +53,7 @@ def profile_summary(
             known = means[np.isfinite(means).all(axis=1)]
             in_mean = (group["rotation_x_deg"].notna() & ~group["outlier"]).groupby(group["repeat"])
             kept = f"{in_mean.sum().median():.0f} of {in_mean.size().iloc[0]}"
-            columns[str(method)] = [kept, *(median_interval(c).text(".2f") for c in known.T)]
+            columns[str(method)] = [kept, *(median_of(c).text(".2f") for c in known.T)]
         frame = pd.DataFrame(columns)
         frame.insert(0, "Parameter", ["Pairs in the mean", *NAMES])
         frame.insert(0, "Pair", name)
@@ -96,7 +96,7 @@ def profile_seconds(rows: pd.DataFrame) -> list[dict[str, Any]]:
 def _encoder_motion(pair: str, trials: Sequence[Trial]) -> FloatArray:
     """(3,) the middle of what the encoders say of the pairs of profiles; NaN without an arm."""
     spec = full_specs(trial for trial in trials if trial.pair == pair)[0]
-    target, source = spec.path(spec.target), spec.path(spec.source)
+    target, source = spec.paths
     if not (isinstance(target, ArmPath) and isinstance(source, ArmPath)):
         return np.full(3, np.nan)
     between = target.T_world_encoder.inv() * source.T_world_encoder

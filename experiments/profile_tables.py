@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.profile_means import CUTOFF, MOTION, mean_motion, middle
+from experiments.profile_means import CUTOFF, MOTION, mean_motion, middle, wrapped_deg
 from experiments.profile_pairs import ProfilesExperiment
 from harness.pair_view import file_slug
 from harness.schema import Experiment, Pair, PrintedPose
@@ -79,7 +79,7 @@ def repeat_table(name: str, rows: pd.DataFrame) -> Table:
         groups = [group for _, group in of_method.groupby("repeat")]
         exact = middle(groups[0][[f"exact_{m}" for m in MOTION]].to_numpy(dtype=np.float64))
         errors = np.array([mean_motion(group) for group in groups]) - exact
-        errors[:, 0] = np.mod(errors[:, 0] + 180.0, 360.0) - 180.0
+        errors[:, 0] = wrapped_deg(errors[:, 0])
         single = of_method[_used(of_method)]
         record: dict[str, Any] = {"Method": method, "Repeats": len(groups)}
         record["Answered"] = f"{_answered(of_method).mean():.0%}"
@@ -141,8 +141,8 @@ def _record(source: str, motion: FloatArray, error: FloatArray | None) -> dict[s
     record: dict[str, Any] = {"": source, "Answered": "", "In the mean": ""}
     record |= dict(zip(NAMES, motion.tolist(), strict=True))
     if error is not None:
-        wrapped = [np.mod(error[0] + 180.0, 360.0) - 180.0, *error[1:]]
-        record |= dict(zip(ERRORS, map(float, wrapped), strict=True))
+        turned = [wrapped_deg(error[0]), *error[1:]]
+        record |= dict(zip(ERRORS, map(float, turned), strict=True))
     return record
 
 

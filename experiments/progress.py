@@ -61,10 +61,7 @@ class Tally:
         """How fast and how well it goes."""
         parts = [f"{self.per_s:.3g} trials/s"]
         if self.computed:
-            parts.append(
-                f"{self.right / self.computed:.0%} within {COARSE.rotation_deg:g} deg and "
-                f"{COARSE.translation_mm:g} mm"
-            )
+            parts.append(f"{self.right / self.computed:.0%} within {COARSE}")
         parts.append(f"{self.unanswered} without an answer, {self.errors} errors")
         return ", ".join(parts)
 
@@ -93,13 +90,11 @@ class Reporter:
             left_s = (tally.total - tally.ended) / tally.per_s
             self._line(f"{tally}; {duration(left_s)} left")
         if done.drawing_error:
-            self._console.print(
-                f"figures of {trial_name(done.task.trial)}: {done.drawing_error}", markup=False
-            )
+            self._console.print(f"figures of {trial_name(done.task.trial)}: {done.drawing_error}")
 
     def _line(self, text: str) -> None:
         counted = f"[{self._tally.ended}/{self._tally.total}] {text}"
-        self._console.print(counted, markup=False, soft_wrap=True)
+        self._console.print(counted, soft_wrap=True)
 
 
 @contextmanager

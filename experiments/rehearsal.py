@@ -33,10 +33,10 @@ def dry_run(session: Session, workers: int | None) -> int:
     workers = min(workers or available_cores(), len(session.trials))
     size = size_of(session.trials)
     at = f" at {size.points} points" if size.points else ""
-    console.print(f"{session.experiment.title}: {len(session.trials)} trials{at}", markup=False)
+    console.print(f"{session.experiment.title}: {len(session.trials)} trials{at}")
     for trial in session.trials[:REHEARSED]:
-        console.print(f"  {trial.id}  {trial_name(trial)}", markup=False, soft_wrap=True)
-    console.print("  ..." if len(session.trials) > REHEARSED else "", markup=False)
+        console.print(f"  {trial.id}  {trial_name(trial)}", soft_wrap=True)
+    console.print("  ..." if len(session.trials) > REHEARSED else "")
     tell_left_out(console, session)
     tell_beyond_reach(console, session)
     from harness.execution import perform
@@ -52,7 +52,7 @@ def dry_run(session: Session, workers: int | None) -> int:
         if trial.spec.scan_key not in scanned:
             scan_s.append(took_s - own_s[-1])
         scanned.add(trial.spec.scan_key)
-        console.print(f"{trial_name(trial)}: {outcome(row)}", markup=False, soft_wrap=True)
+        console.print(f"{trial_name(trial)}: {outcome(row)}", soft_wrap=True)
     # Scans are made once for all the trials that share them.
     whole_s = size.different * _mean(own_s) + size.scans * _mean(scan_s)
     console.print(
@@ -61,7 +61,6 @@ def dry_run(session: Session, workers: int | None) -> int:
         f"workers, figures apart; rows would go to {session.folder}".replace(
             "about under", "under"
         ),
-        markup=False,
         soft_wrap=True,
     )
     return EXIT_OK

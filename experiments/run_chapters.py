@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 import time
@@ -29,7 +28,7 @@ from experiments.terminal import make_console, show_paths, show_tables
 from harness.config import dump_yaml
 from harness.config_errors import ConfigError
 from harness.pool import MakeExecutor, process_pool
-from harness.provenance import code_fingerprint, run_facts
+from harness.provenance import code_fingerprint, note_run
 from harness.schema import Experiment
 from harness.store import FILE_NAME, StoreError, load
 from harness.table_files import Table, write_tables
@@ -58,7 +57,7 @@ def run_chapters(
     worst = EXIT_OK
     try:
         for run in runs:
-            console.print(f"\n{run.name}: {run.check().title}", markup=False, style="bold")
+            console.print(f"\n{run.name}: {run.check().title}", style="bold")
             status, result = _run_part(run, workers, redraw, make_executor)
             if status == EXIT_INTERRUPTED:
                 return status
@@ -82,7 +81,6 @@ def run_chapters(
     console.print(
         f"{len(runs)} parts in {time.perf_counter() - start:.0f} s with {workers} workers; each "
         f"has its own tables and figures in {folder}/<part>",
-        markup=False,
         soft_wrap=True,
     )
     return worst
@@ -94,7 +92,7 @@ def rehearse_chapters(
     """Check every part, count its trials and time some; writes nothing."""
     console = make_console()
     for run in load_chapters(path, folder, overrides, seed)[1]:
-        console.print(f"\n{run.name}:", markup=False, style="bold")
+        console.print(f"\n{run.name}:", style="bold")
         if run.kind == PAIRS:
             dry_run(run.session(), workers)
             if run.waits:
@@ -102,9 +100,9 @@ def rehearse_chapters(
         elif run.kind == PROFILES:
             experiment, trials = run.profiles()
             count = len(trials) * experiment.scan.profiles
-            console.print(f"{experiment.title}: {count} pairs of profiles", markup=False)
+            console.print(f"{experiment.title}: {count} pairs of profiles")
         else:
-            console.print(f"{run.check().title}: takes seconds", markup=False)
+            console.print(f"{run.check().title}: takes seconds")
     return EXIT_OK
 
 
@@ -159,5 +157,4 @@ def _write_facts(experiment: ChaptersExperiment, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     resolved = experiment.model_dump(mode="json", exclude_none=True)
     (folder / "config.yaml").write_text(dump_yaml(resolved), encoding="utf-8")
-    facts = json.dumps(run_facts(code_fingerprint(())), indent=2)
-    (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
+    note_run(folder, code_fingerprint(()))

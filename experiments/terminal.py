@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table as RichTable
 
 from harness.store import Row
@@ -23,8 +22,10 @@ SHOWN_ROWS = 12
 
 def make_console() -> Console:
     """The terminal, or a wide plain one when the output goes to a file."""
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=LOG_WIDTH)
+    console = Console(highlight=False, markup=False)  # brackets are plain text here
+    if not console.is_terminal:
+        console = Console(highlight=False, markup=False, width=LOG_WIDTH)
+    return console
 
 
 def trial_name(trial: Trial) -> str:
@@ -50,7 +51,7 @@ def show_tables(console: Console, tables: Iterable[Table]) -> None:
             continue
         estimates = table.frame.get("Our estimate")
         if estimates is not None and estimates.isna().all():
-            console.print(f"{table.title}: {table.note}\n", markup=False)
+            console.print(f"{table.title}: {table.note}\n")
             continue
         caption = table.note if table.caption in told else table.legend
         told.add(table.caption)
@@ -59,20 +60,20 @@ def show_tables(console: Console, tables: Iterable[Table]) -> None:
 
 def _show_table(console: Console, table: Table, caption: str) -> None:
     shown = RichTable(
-        title=escape(table.title),
+        title=table.title,
         title_justify="left",
         title_style="bold",
-        caption=escape(caption),
+        caption=caption,
         caption_justify="left",
         caption_style="dim",
         box=box.SIMPLE_HEAD,
     )
     for column in table.frame.columns:
-        shown.add_column(escape(column), justify="right" if column in table.formats else "left")
+        shown.add_column(column, justify="right" if column in table.formats else "left")
     rows = table.text()
     shortened = len(rows) > SHOWN_ROWS and not table.in_full
     for row in rows[:SHOWN_ROWS] if shortened else rows:
-        shown.add_row(*(escape(cell) for cell in row))
+        shown.add_row(*row)
     if shortened:
         shown.caption = f"The first {SHOWN_ROWS} of {len(rows)}. {shown.caption}"
     console.print(shown)
@@ -81,7 +82,7 @@ def _show_table(console: Console, table: Table, caption: str) -> None:
 
 def show_paths(console: Console, folder: Path) -> None:
     """Print what a results folder holds, one line a kind."""
-    console.print("Written:", markup=False)
+    console.print("Written:")
     for pattern, what in (
         ("report.html", "all of it on one page, opens in any browser"),
         ("tables/*.csv", "tables as csv, md and tex"),
@@ -97,4 +98,4 @@ def show_paths(console: Console, folder: Path) -> None:
         if files:
             count = f"{len(files)} " if "*" in pattern else ""
             place = folder / pattern.split("*")[0]
-            console.print(f"  {place}  {count}{what}", markup=False, soft_wrap=True)
+            console.print(f"  {place}  {count}{what}", soft_wrap=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from harness.execution import scan_view
 from harness.schema import AimedView
 from harness.scoring import exact_pose
-from harness.trials import Trial, TrialSpec
+from harness.trials import Trial, TrialSpec, keyed_rng
 from registration.gauss_sphere.candidates.translation import pose_candidates
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.params import GaussSphereParams
@@ -52,7 +51,7 @@ def turn(turning: Turning) -> list[dict[str, Any]]:
     spec = turning.trial.spec
     assert isinstance(spec, TrialSpec)
     target, source = scan_view(spec, spec.target), scan_view(spec, spec.source)
-    exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+    exact = exact_pose(*spec.paths)
     middle = middle_mm(spec)
     source_middle = exact.inv().apply(middle)
     rotations, labels = [], []
@@ -88,9 +87,7 @@ def turn(turning: Turning) -> list[dict[str, Any]]:
 
 def _axes(spec: TrialSpec, count: int) -> FloatArray:
     """(count, 3) unit axes, keyed by the pair and the repeat: the same for every method."""
-    key = spec.pair_key() + f"{spec.repeat} {spec.seed}"
-    digest = hashlib.sha256(key.encode()).digest()
-    rng = np.random.default_rng(np.random.SeedSequence(int.from_bytes(digest)))
+    rng = keyed_rng(spec.pair_key() + f"{spec.repeat} {spec.seed}")
     axes = rng.normal(size=(count, 3))
     unit: FloatArray = axes / np.linalg.norm(axes, axis=1, keepdims=True)
     return unit

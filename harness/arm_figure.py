@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from harness.figures_page import Style, add_axes, new_figure, save
-from scenes.picture import VIEW_COLOURS, Camera, camera_on
+from harness.figures_page import add_axes, new_figure, page_style, save
+from scenes.picture import VIEW_COLOURS, Camera, camera_on, points_along
 from scenes.raster import Polygons, Shot, draw
 from scenes.scene import FloatArray, Scene
 from sensors.arm import ArmParams, ArmPath
@@ -73,7 +73,7 @@ def draw_arm(
         "The arm is half-way along its line. The arrow is the sensor's path, from the first "
         "profile to the last; the outlines are its field at both ends, faint where hidden."
     )
-    with Style():
+    with page_style():
         figure = new_figure(title, HEAD_IN + rows * (TITLE_IN + TALL_IN + GAP_IN) + FOOT_IN, note)
         for place, panel in enumerate(panels):
             bottom_in = FOOT_IN + (rows - 1 - place // 2) * (TITLE_IN + TALL_IN + GAP_IN)
@@ -114,9 +114,7 @@ def _projected(
     shot: Shot, camera: Camera, line_m: FloatArray
 ) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.bool_]]]:
     """Points along a polyline in the image, and whether a face hides each."""
-    shares = np.linspace(0.0, len(line_m) - 1.0, SAMPLES * (len(line_m) - 1) + 1)
-    knots = np.arange(len(line_m))
-    points_m = np.stack([np.interp(shares, knots, axis) for axis in line_m.T], axis=1)
+    points_m = points_along(line_m, SAMPLES)
     pixels = camera.pixels(points_m)
     depth_m = (points_m - camera.origin_m) @ camera.rotation[:, 2]
     column, row = np.clip(np.rint(pixels), 0, np.array(SIZE_PX) - 1).astype(int).T

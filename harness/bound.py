@@ -5,14 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
+from registration.scan import BoolArray, FloatArray, IntArray
 from sensors.sensor import Hits
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 # Conditions are judged with angles times this length, so that both kinds compare in mm.
 LEVER_MM = 500.0

@@ -86,17 +86,19 @@ def serve(connection: Connection, limits: Limits) -> None:
 
 
 def _draw(task: Task, pair: Any) -> Drawn:
+    if pair is None:
+        return Drawn()
     files: list[Path] = []
     try:
-        if pair is not None and task.pictures is not None:
+        if task.pictures is not None:
             from harness.figures import draw_pair
 
             files += draw_pair(pair, task.pictures)
-        if pair is not None and task.clouds is not None:
+        if task.clouds is not None:
             from harness.clouds import write_clouds
 
             files += write_clouds(pair, task.clouds)
-        if pair is not None and task.records is not None:
+        if task.records is not None:
             from harness.report.records import keep
 
             files += keep(pair, task.trial, task.records, task.pictures is not None)

@@ -199,7 +199,7 @@ def installed_methods(
             try:
                 check_installed(choice.name, params)
             except MissingPeerError as error:
-                reasons.append(f"{choice.label or choice.name} is left out: {error}")
+                reasons.append(f"{choice.called} is left out: {error}")
                 continue
         kept.append(choice)
     if not kept:

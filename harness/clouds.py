@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import trimesh
+from scipy.spatial.transform import RigidTransform
 
 from harness.pair_view import PairView, file_slug
+from harness.report.packing import write_whole
 from registration.scan import FloatArray, Scan
 
 TARGET_RGB = (31, 119, 180)
@@ -29,20 +30,21 @@ def write_clouds(pair: PairView, folder: Path) -> list[Path]:
     ):
         if scan.n_valid:
             path = folder / f"{file_slug(view)}.ply"
-            files.append(write_cloud(path, [measured_points(scan)], [rgb]))
+            files.append(write_cloud(path, [scan.points_mm[scan.valid]], [rgb]))
     pose = pair.result.T_target_source
     if pose is not None and pair.target.n_valid and pair.source.n_valid:
-        moved = pose.apply(measured_points(pair.source))
         path = folder / f"{pair.slug}_merged.ply"
-        points = [measured_points(pair.target), moved]
-        files.append(write_cloud(path, points, [TARGET_RGB, SOURCE_RGB]))
+        files.append(write_merged(path, pair.target, pair.source, pose))
     return files
 
 
-def measured_points(scan: Scan) -> FloatArray:
-    """(n, 3) points of a scan in mm, without the beams that did not return."""
-    points: FloatArray = scan.points_mm[scan.valid]
-    return points
+def write_merged(path: Path, target: Scan, source: Scan, pose: RigidTransform) -> Path:
+    """Write both scans as one cloud in the target's frame, target blue, source orange.
+
+    pose: T_target_source. Returns the path.
+    """
+    points_mm = [target.points_mm[target.valid], pose.apply(source.points_mm[source.valid])]
+    return write_cloud(path, points_mm, [TARGET_RGB, SOURCE_RGB])
 
 
 def write_cloud(path: Path, points_mm: list[FloatArray], rgb: list[tuple[int, int, int]]) -> Path:
@@ -50,8 +52,5 @@ def write_cloud(path: Path, points_mm: list[FloatArray], rgb: list[tuple[int, in
     path.parent.mkdir(parents=True, exist_ok=True)
     colours = np.repeat(np.array(rgb, dtype=np.uint8), [len(p) for p in points_mm], axis=0)
     cloud = trimesh.PointCloud(np.concatenate(points_mm), colors=colours)
-    # Two workers may write one view at a time: each writes a file of its own and moves it there.
-    draft = path.with_name(f"{path.stem}.{os.getpid()}.part")
-    draft.write_bytes(trimesh.exchange.ply.export_ply(cloud, encoding="binary"))
-    draft.replace(path)
+    write_whole(path, trimesh.exchange.ply.export_ply(cloud, encoding="binary"))
     return path

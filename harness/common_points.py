@@ -5,19 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from harness.bound import beams_of, pose_covariance, pose_information
 from harness.scoring import exact_pose
+from registration.scan import BoolArray, FloatArray
 from scenes.scene import Scene
 from sensors.overlap import seen
 from sensors.paths import ViewPath
 from sensors.sensor import Hits, Sensor
 from sensors.sigma import depth_variance_mm2
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

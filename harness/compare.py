@@ -8,19 +8,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy.stats import binomtest, bootstrap, wilcoxon
+from scipy.stats import bootstrap, wilcoxon
 
-from harness.random_groups import within
+from harness.chance import FEWEST, LEVEL, sign_test
+from harness.row_scores import ERRORS, within
 from harness.scoring import COARSE
 from harness.table_files import Table
+from registration.scan import FloatArray
 
-FloatArray = NDArray[np.float64]
-
-LEVEL = 0.95
 RESAMPLES = 2000
-LEAST_PAIRS = 6  # below it no two-sided rank test can reach 0.05
-ERRORS = {"rotation_error_deg": "deg", "translation_error_mm": "mm"}
 
 
 def matched(one: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
@@ -51,25 +47,15 @@ def _without_method(spec: str) -> str:
     return json.dumps(data, sort_keys=True)
 
 
-def mcnemar(only_a: int, only_b: int) -> float:
-    """The exact two-sided p of McNemar's test, of trials that only one of both runs got right.
-
-    Source: Q. McNemar, Psychometrika 12 (1947) 153, with the binomial distribution itself.
-    """
-    if only_a + only_b == 0:
-        return 1.0
-    return float(binomtest(only_a, only_a + only_b, 0.5).pvalue)
-
-
 def median_difference(differences: FloatArray) -> tuple[float, float, float, float]:
     """Median of paired differences (n,), the ends of its bootstrap interval, and Wilcoxon's p.
 
-    The interval and p are NaN for fewer than LEAST_PAIRS; without any difference p is 1.
+    The interval and p are NaN for fewer than FEWEST; without any difference p is 1.
     """
     if len(differences) == 0:
         return np.nan, np.nan, np.nan, np.nan
     middle = float(np.median(differences))
-    if len(differences) < LEAST_PAIRS:
+    if len(differences) < FEWEST:
         return middle, np.nan, np.nan, np.nan
     if not differences.any():
         return 0.0, 0.0, 0.0, 1.0
@@ -96,12 +82,11 @@ def comparison_table(pairs: pd.DataFrame, names: tuple[str, str]) -> Table:
     return Table(
         "comparison",
         f"{names[1]} against {names[0]}, method by method",
-        f"Right: marked ok and within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} "
-        "mm. The p of McNemar's exact test is how often as large a difference would come about "
-        "if both runs were as good. Differences of errors are "
+        f"Right: marked ok and within {COARSE}. The p of McNemar's exact test is how often as "
+        "large a difference would come about if both runs were as good. Differences of errors are "
         f"{names[1]} less {names[0]}, below 0 is better, over the trials that both got right, "
         "with the bootstrap interval (95 %) of the median and the p of Wilcoxon's signed-rank "
-        f"test; neither is given for fewer than {LEAST_PAIRS}. Time ratio: median of the times of "
+        f"test; neither is given for fewer than {FEWEST}. Time ratio: median of the times of "
         f"{names[1]} over those of {names[0]}, which other load on the machine changes.",
         frame,
         {column: text for column, text in formats.items() if column in frame},
@@ -123,7 +108,7 @@ def _compared(label: str, group: pd.DataFrame, names: tuple[str, str]) -> dict[s
         "both": int((a & b).sum()),
         f"only {names[0]}": only_a,
         f"only {names[1]}": only_b,
-        "McNemar p": mcnemar(only_a, only_b),
+        "McNemar p": sign_test(only_a, only_b),
     }
     good = group[a & b]
     for column, unit in ERRORS.items():

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness.compare import ERRORS
-from harness.figures_page import Style, add_axes, new_figure, save
+from harness.figures_page import add_axes, new_figure, page_style, save
 from harness.looks import GREY, INK, MARK, TARGET
+from harness.row_scores import ERRORS
 
 SMALLEST = 1e-4  # deg and mm: what is less, as without noise, is drawn here
 PANEL_IN = 3.2
@@ -22,7 +22,7 @@ def draw_comparison(pairs: pd.DataFrame, names: tuple[str, str], file: Path) -> 
     pairs: as of harness.compare.matched.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
-    with Style():
+    with page_style():
         return save(_figure(pairs, names), file)
 
 

@@ -190,7 +190,7 @@ def check_names(experiment: Experiment, path: Path) -> None:
 def _check_labels(methods: Sequence[MethodChoice], path: Path) -> None:
     labels: set[str] = set()
     for index, method in enumerate(methods):
-        label = method.label or method.name
+        label = method.called
         if label in labels:
             raise ConfigError(
                 path,

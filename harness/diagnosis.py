@@ -12,7 +12,7 @@ from scipy import ndimage
 from scipy.spatial.transform import RigidTransform
 
 from registration.result import RegistrationResult
-from registration.scan import FloatArray, IntArray, Scan
+from registration.scan import BoolArray, FloatArray, IntArray, Scan
 from registration.thesis.outcome import decide
 from registration.thesis.params import ThesisParams
 from registration.thesis.patches import Patches, build_patches
@@ -20,10 +20,7 @@ from registration.thesis.pipeline import register_patches, register_scans, regis
 from registration.thesis.rotation import RotationSearch
 from registration.thesis.segments import Segments
 from registration.thesis.view_params import PatchParams
-from scenes.scene import Scene
-from sensors.overlap import seen
-from sensors.paths import ViewPath
-from sensors.sensor import Hits, Sensor
+from sensors.sensor import Hits
 
 TOUCHING = np.ones((3, 3), dtype=bool)  # pixels of a face that meet at a corner are connected
 
@@ -100,17 +97,13 @@ def true_patches(hits: Hits, apex_mm: FloatArray, params: ThesisParams) -> Patch
     return build_patches(segments, part, exact)
 
 
-def only_shared(hits: Hits, sensor: Sensor, scene: Scene, path: ViewPath, other: ViewPath) -> Hits:
-    """The hits of a view without those that the other view does not see."""
-    valid = hits.valid
-    points_mm = path.T_world_view.apply(hits.points_mm[valid])
-    lost = np.zeros(valid.shape, dtype=bool)
-    lost[valid] = ~seen(sensor, scene, other, points_mm, hits.surface[valid])
+def only(hits: Hits, kept: BoolArray) -> Hits:
+    """The hits of the chosen beams, (profiles, pixels); the others return nothing."""
     return replace(
         hits,
-        points_mm=np.where(lost[..., None], np.nan, hits.points_mm),
-        surface=np.where(lost, -1, hits.surface),
-        normal=np.where(lost[..., None], np.nan, hits.normal),
+        points_mm=np.where(kept[..., None], hits.points_mm, np.nan),
+        surface=np.where(kept, hits.surface, -1),
+        normal=np.where(kept[..., None], hits.normal, np.nan),
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from harness import diagnosis
 from harness.common_points import Common, common_points, pose_bounds
-from harness.face_gaps import FaceGaps, centroid_gaps, only
+from harness.face_gaps import FaceGaps, centroid_gaps
 from harness.pair_view import PairView
 from harness.random_pairs import NoPairError, RandomSpec, drawn_spec
 from harness.recent import Recent
@@ -31,7 +31,6 @@ from sensors.sensor import Hits, Sensor
 
 # Below this share of common points two views have nothing to be registered by; it prints as 0 %.
 NO_OVERLAP = 0.005
-
 
 _scenes, _scans, _hits, _commons = Recent(4), Recent(12), Recent(8), Recent(64)
 _bounds, _pairs = Recent(64), Recent(256)
@@ -61,10 +60,9 @@ def _failed(row: dict[str, Any], error: Exception) -> Outcome:
 
 def scan_view(spec: TrialSpec, view: ViewSpec) -> Scan:
     """The scan of one view of a trial, made once for all trials of a process that share it."""
-
     return _scans.get(
         spec.view_key(view),
-        lambda: _sensor(spec).scan(_scene(spec), spec.path(view), spec.view_rng(view)),
+        lambda: sensor_of(spec).scan(scene_of(spec), spec.path(view), spec.view_rng(view)),
     )
 
 
@@ -76,14 +74,13 @@ def _perform(trial: Trial) -> Outcome:
     shares = common(spec).shares
     bounds = _pose_bounds(spec, target, source)
     measured = time.perf_counter()
-    paths = spec.path(spec.target), spec.path(spec.source)
-    T_exact = exact_pose(*paths)
+    T_exact = exact_pose(*spec.paths)
     stage_ms = {"scan": 1e3 * (scanned - start), "overlap": 1e3 * (measured - scanned)}
     row: dict[str, Any] = {
         "id": trial.id,
         "spec": spec.text,
         "T_exact": T_exact,
-        "T_theoretical": encoder_pose(*paths),
+        "T_theoretical": encoder_pose(*spec.paths),
         "overlap_target": shares[0],
         "overlap_source": shares[1],
         "bounds": bounds,
@@ -145,20 +142,15 @@ def _register(spec: TrialSpec, target: Scan, source: Scan) -> RegistrationResult
     if not spec.given:
         return register(target, source, spec.method.name, spec.method.params)
     if spec.given == "rotation":
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         return diagnosis.register_with_true_rotation(target, source, T_exact, spec.method.params)
     hits = _both_hits(spec)
     if spec.given == "shared_patches":
-        sensor, scene = _sensor(spec), _scene(spec)
-        paths = spec.path(spec.target), spec.path(spec.source)
-        hits = (
-            diagnosis.only_shared(hits[0], sensor, scene, paths[0], paths[1]),
-            diagnosis.only_shared(hits[1], sensor, scene, paths[1], paths[0]),
-        )
+        hits = _both_shared(spec)
     enter = diagnosis.register_with_true_patches
     if spec.given == "segments":
         enter = diagnosis.register_with_true_segments
-    return enter(*hits, spec.step_mm, _sensor(spec).apex_mm, spec.method.params)
+    return enter(*hits, spec.step_mm, sensor_of(spec).apex_mm, spec.method.params)
 
 
 def full_spec(trial: Trial) -> TrialSpec:
@@ -190,35 +182,29 @@ def _drawn(spec: RandomSpec) -> TrialSpec | NoPairError:
 
 def common(spec: TrialSpec) -> Common:
     """Which points of either view the other sees too."""
-    paths = spec.path(spec.target), spec.path(spec.source)
     return _commons.get(
         spec.pair_key(),
-        lambda: common_points(_sensor(spec), _scene(spec), _both_hits(spec), paths),
+        lambda: common_points(sensor_of(spec), scene_of(spec), _both_hits(spec), spec.paths),
     )
 
 
 def face_gaps(spec: TrialSpec) -> FaceGaps:
     """How far apart both views of a trial of `thesis` see the middles of the same faces."""
-    target, source = _both_hits(spec)
-    T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
-    both = common(spec)
+    T_exact, apex_mm = exact_pose(*spec.paths), sensor_of(spec).apex_mm
 
     def gaps(one: Hits, other: Hits) -> FloatArray:
-        apex_mm = _sensor(spec).apex_mm
         return centroid_gaps(one, other, T_exact, apex_mm, spec.method.params)
 
-    shared = gaps(only(target, both.target), only(source, both.source))
-    return FaceGaps(gaps(target, source), shared)
+    return FaceGaps(gaps(*_both_hits(spec)), gaps(*_both_shared(spec)))
 
 
 def _pose_bounds(spec: TrialSpec, target: Scan, source: Scan) -> FloatArray | None:
     """The Cramer-Rao bounds of the pair, from the beams that returned in these scans."""
-    paths = spec.path(spec.target), spec.path(spec.source)
     measured = target.valid, source.valid
     return _bounds.get(
         spec.view_key(spec.target) + spec.view_key(spec.source),
         lambda: pose_bounds(
-            _sensor(spec), _scene(spec), _both_hits(spec), paths, measured, common(spec)
+            sensor_of(spec), scene_of(spec), _both_hits(spec), spec.paths, measured, common(spec)
         ),
     )
 
@@ -227,18 +213,26 @@ def _both_hits(spec: TrialSpec) -> tuple[Hits, Hits]:
     return _view_hits(spec, spec.target), _view_hits(spec, spec.source)
 
 
+def _both_shared(spec: TrialSpec) -> tuple[Hits, Hits]:
+    """The hits of either view that the other view sees too."""
+    (target, source), both = _both_hits(spec), common(spec)
+    return diagnosis.only(target, both.target), diagnosis.only(source, both.source)
+
+
 def _view_hits(spec: TrialSpec, view: ViewSpec) -> Hits:
     return _hits.get(
-        spec.place_key(view), lambda: _sensor(spec).hits(_scene(spec), spec.path(view))
+        spec.place_key(view), lambda: sensor_of(spec).hits(scene_of(spec), spec.path(view))
     )
 
 
-def _scene(spec: TrialSpec) -> Scene:
+def scene_of(spec: TrialSpec) -> Scene:
+    """The scene of a trial, built once for all trials of a process that share it."""
     chosen = spec.scene
     return _scenes.get(chosen.text, lambda: SCENES[chosen.name].builder(chosen.params))
 
 
-def _sensor(spec: TrialSpec) -> Sensor:
+def sensor_of(spec: TrialSpec) -> Sensor:
+    """The sensor of a trial."""
     sensor: Sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
     return sensor
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from harness.diagnosis import true_patches
-from registration.scan import BoolArray, FloatArray
+from harness.diagnosis import only, true_patches
+from registration.scan import FloatArray
 from registration.thesis.params import ThesisParams
 from sensors.sensor import Hits
 
@@ -52,16 +52,6 @@ def centroid_gaps(
         between = between.reshape(-1, 3)
         gaps.append(between[np.linalg.norm(between, axis=1).argmin()])
     return np.array(gaps).reshape(-1, 3)
-
-
-def only(hits: Hits, kept: BoolArray) -> Hits:
-    """The hits of the chosen beams, (profiles, pixels); the others return nothing."""
-    return replace(
-        hits,
-        points_mm=np.where(kept[..., None], hits.points_mm, np.nan),
-        surface=np.where(kept, hits.surface, -1),
-        normal=np.where(kept[..., None], hits.normal, np.nan),
-    )
 
 
 def gaps_in_words(gaps: FaceGaps) -> str:

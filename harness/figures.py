@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from harness.figures_measurements import draw_filtering, draw_measurements
-from harness.figures_page import Style, save
+from harness.figures_page import page_style, save
 from harness.figures_planes import draw_patches, draw_segments
 from harness.figures_point_labels import draw_labelled_points
 from harness.figures_shifts import draw_shifts
@@ -45,7 +45,7 @@ def draw_pair(pair: PairView, folder: Path) -> list[Path]:
     for place, kind in enumerate(KINDS, start=1):
         path = folder / f"{pair.slug}_{place}_{kind}.png"
         if kind in figures:
-            with Style():
+            with page_style():
                 files.append(save(figures[kind](), path))
         else:
             path.unlink(missing_ok=True)

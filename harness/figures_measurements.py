@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from harness.figures_page import (
@@ -13,14 +14,14 @@ from harness.figures_page import (
     add_axes,
     add_bar,
     amount,
-    grouped,
     new_figure,
     projections,
     roles,
     thinned,
+    thousands_apart,
     to_scale,
 )
-from harness.looks import FRONT, MARK, SOURCE, TARGET, TOP, limits
+from harness.looks import FRONT, MARK, SOURCE, TARGET, TOP, Projection, limits
 from harness.pair_view import PairView
 from registration.scan import FloatArray, Scan
 
@@ -49,13 +50,20 @@ def draw_measurements(pair: PairView, title: str) -> Figure:
             if len(dots) == 0:
                 ax.text(0.5, 0.5, "no measured point", transform=ax.transAxes, ha="center")
                 continue
-            shown = ax.scatter(
-                dots[:, projection.right], dots[:, projection.up], c=dots[:, 2],
-                s=1.6, lw=0, cmap="viridis_r", vmin=low[2], vmax=high[2],
-            )  # fmt: skip
+            shown = scatter_depths(ax, dots, projection, low[2], high[2])
     if shown is not None:
         add_bar(figure, axes, shown, AXES[2])
     return figure
+
+
+def scatter_depths(
+    ax: Axes, points_mm: FloatArray, projection: Projection, near_mm: float, far_mm: float
+) -> PathCollection:
+    """Points (n, 3) coloured by their depth between two."""
+    return ax.scatter(
+        points_mm[:, projection.right], points_mm[:, projection.up], c=points_mm[:, 2],
+        s=1.6, lw=0, cmap="viridis_r", vmin=near_mm, vmax=far_mm,
+    )  # fmt: skip
 
 
 def draw_filtering(pair: PairView, filtered: tuple[Scan, Scan], title: str) -> Figure:
@@ -85,7 +93,7 @@ def draw_filtering(pair: PairView, filtered: tuple[Scan, Scan], title: str) -> F
         to_scale(left, FRONT, low, high)
         left.set_title(
             f"{role}: {view} view\n{amount(int(lost.sum()), 'point')} "
-            f"of {grouped(scan.n_valid)} removed"
+            f"of {thousands_apart(scan.n_valid)} removed"
         )
         profile = _busiest_profile(scan)
         _draw_detail(right, scan.points_mm[profile], after.points_mm[profile])
@@ -105,6 +113,13 @@ def _busiest_profile(scan: Scan) -> int:
     return int(np.lexsort((distance, -counts))[0])
 
 
+def face_by_face(profile_mm: FloatArray) -> FloatArray:
+    """(n, 2) Y and Z of a profile (n, 3), cut where the depth jumps: no line from face to face."""
+    line = profile_mm[:, 1:].copy()
+    line[1:][np.abs(np.diff(line[:, 1])) > JUMP_MM] = np.nan
+    return line
+
+
 def _draw_detail(ax: Axes, before_mm: FloatArray, after_mm: FloatArray) -> None:
     """The middle part of a profile, to scale."""
     valid = np.isfinite(before_mm[:, 2])
@@ -116,9 +131,7 @@ def _draw_detail(ax: Axes, before_mm: FloatArray, after_mm: FloatArray) -> None:
     middle_y = float(np.median(y))
     middle_z = float(np.median(z[np.abs(y - middle_y) <= half]))
     ax.plot(y, z, "o", ms=3.2, mew=0, color=SOURCE, label="measured")
-    line = after_mm[:, 1:].copy()
-    line[1:][np.abs(np.diff(line[:, 1])) > JUMP_MM] = np.nan  # no line from face to face
-    ax.plot(*line.T, ".-", ms=2.5, lw=0.9, color=TARGET, label="filtered")
+    ax.plot(*face_by_face(after_mm).T, ".-", ms=2.5, lw=0.9, color=TARGET, label="filtered")
     ax.set_xlim(middle_y - half, middle_y + half)
     frame = ax.get_window_extent()
     room = half * frame.height / frame.width

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import io
-import os
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
 from harness.looks import FRONT, GREY, INK, TOP, Projection, limits
 from harness.pair_view import PairView
+from harness.report.packing import write_whole
 from registration.scan import FloatArray, IntArray, Scan
 
 AXES = ("X, motion (mm)", "Y, lateral (mm)", "Z, depth (mm)")
@@ -48,19 +50,13 @@ STYLE: Any = {
 }
 
 
-class Style:
-    """The style of every figure, whatever the user's matplotlibrc says; a context manager."""
-
-    def __init__(self) -> None:
-        self._context = matplotlib.rc_context()
-
-    def __enter__(self) -> None:
-        self._context.__enter__()
+@contextmanager
+def page_style() -> Iterator[None]:
+    """The style of every figure, whatever the user's matplotlibrc says."""
+    with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
-
-    def __exit__(self, *raised: object) -> None:
-        self._context.__exit__(None, None, None)
+        yield
 
 
 def projections(
@@ -152,6 +148,31 @@ def roles(pair: PairView) -> tuple[tuple[str, str, Scan], tuple[str, str, Scan]]
     return ("Target", pair.target_view, pair.target), ("Source", pair.source_view, pair.source)
 
 
+def scatter_mixed(
+    ax: Axes, clouds_mm: Sequence[FloatArray], colours: Sequence[str], projection: Projection
+) -> None:
+    """Clouds (n, 3), each in its colour, their points mixed so that none lies on top of another."""
+    points = np.concatenate(clouds_mm)
+    paint = np.repeat([to_rgb(c) for c in colours], [len(cloud) for cloud in clouds_mm], axis=0)
+    mixed = mixed_order(len(points))
+    ax.scatter(
+        points[mixed, projection.right], points[mixed, projection.up], c=paint[mixed], s=1.3, lw=0
+    )
+
+
+def name_clouds(figure: Figure, ax: Axes, colours: Mapping[str, str]) -> None:
+    """A legend of clouds by the names and colours given, at the top right of the page.
+
+    On the second line of the title, which is short, whatever the names in the first are.
+    """
+    for name, colour in colours.items():
+        ax.scatter([], [], s=24, lw=0, c=colour, label=name)
+    figure.legend(
+        *ax.get_legend_handles_labels(), loc="upper right", ncols=len(colours), borderaxespad=0.2,
+        bbox_to_anchor=(1.0, 1.0 - 0.17 / figure.get_figheight()),
+    )  # fmt: skip
+
+
 def thinned(points_mm: FloatArray) -> FloatArray:
     """At most MAX_POINTS of the points (n, 3), in an order that hides no part behind another."""
     thin: FloatArray = points_mm[mixed_order(len(points_mm))[:MAX_POINTS]]
@@ -166,10 +187,10 @@ def mixed_order(count: int) -> IntArray:
 def amount(count: int, noun: str) -> str:
     """A number with its noun, thousands apart: "32 365 points", "1 patch"."""
     many = noun + ("es" if noun.endswith("ch") else "s")
-    return f"{grouped(count)} {noun if count == 1 else many}"
+    return f"{thousands_apart(count)} {noun if count == 1 else many}"
 
 
-def grouped(count: int) -> str:
+def thousands_apart(count: int) -> str:
     """A whole number with its thousands apart."""
     return f"{count:,}".replace(",", "\N{NO-BREAK SPACE}")
 
@@ -183,7 +204,7 @@ def save(figure: Figure, path: Path) -> Path:
     image = image.convert("RGB").quantize(
         255, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
     )
-    draft = path.with_name(f"{path.stem}.{os.getpid()}.part")
-    image.save(draft, format="PNG", compress_level=7)
-    draft.replace(path)
+    data = io.BytesIO()
+    image.save(data, format="PNG", compress_level=7)
+    write_whole(path, data.getvalue())
     return path

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from harness.figures_page import add_bar, amount, projections, roles
 from harness.looks import FRONT, INK, NORMAL_COLOURS, PALE, TOP, Projection
+from harness.pair_matches import UNMATCHED, palette_places
 from harness.pair_view import PairView
 from registration.scan import FloatArray, IntArray
 from registration.thesis.evidence import ViewEvidence
@@ -16,6 +17,11 @@ from registration.thesis.patches import Patches
 from registration.thesis.segments import Segments
 
 ANGLE = "Angle of the normal, from facing the\nsensor towards the right (degrees)"
+OUTLINES = (
+    "An outline joins the ends of a patch's first and last segment only, so it can miss parts of "
+    "the patch or cover more. "
+)
+BRIDGES = "Dashed: patches that bridge two groups of profiles."
 LABEL_DISTANCE_MM = 26.0  # two numbers closer than this would run into each other
 LABEL_ROOM_MM = 11.0  # a patch has to be this wide to hold a number
 
@@ -59,9 +65,7 @@ def draw_patches(
         f"{amount(len(found.sphere), 'normal')}"
         for (role, view, _), found in zip(roles(pair), views, strict=True)
     ]
-    note = (
-        "An outline joins the ends of a patch's first and last segment only, so it can "
-        "miss parts of the patch or cover more. "
+    note = OUTLINES + (
         "Number: the patch's normal on the Gauss sphere of its view, 1 has the largest area. "
     )
     if len(matches):
@@ -70,7 +74,7 @@ def draw_patches(
     else:
         note += "No normals were matched, so nothing is coloured. "
     if any(view.patches.intermediate.any() for view in views):
-        note += "Dashed: patches that bridge two groups of profiles."
+        note += BRIDGES
     figure, axes = projections(
         f"{title}\nPatches", columns, [view.patches.corners_mm for view in views], note
     )
@@ -86,10 +90,8 @@ def normal_colours(n_normals: int, matched: IntArray) -> list[str]:
 
     matched: (k,) the view's normal in each match, those to be coloured first.
     """
-    colours = [PALE] * n_normals
-    for place, normal in reversed(list(enumerate(matched[: len(NORMAL_COLOURS)]))):
-        colours[normal] = NORMAL_COLOURS[place]
-    return colours
+    places = palette_places(n_normals, matched)
+    return [PALE if place == UNMATCHED else NORMAL_COLOURS[place] for place in places]
 
 
 def add_patches(

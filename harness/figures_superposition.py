@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from scipy.spatial.transform import RigidTransform
 
-from harness.figures_page import mixed_order, projections, thinned
-from harness.looks import FRONT, SOURCE, TARGET, TOP, Projection
+from harness.figures_page import name_clouds, projections, scatter_mixed, thinned
+from harness.looks import FRONT, SOURCE, TARGET, TOP
 from harness.pair_view import PairView
 from harness.scoring import pose_error
 from registration.scan import FloatArray
@@ -39,36 +37,12 @@ def draw_superposition(pair: PairView, title: str) -> Figure:
         _note(pair),
     )
     for place, moved in enumerate((source, after)):
-        _draw_both(axes[0][place], target, moved, FRONT)
-        _draw_both(axes[1][place], target, moved, TOP)
-    for name, view, colour in (
-        ("target", pair.target_view, TARGET),
-        ("source", pair.source_view, SOURCE),
-    ):
-        axes[0][0].scatter([], [], s=24, lw=0, c=colour, label=f"{name}: {view} view")
-    # On the second line of the title, which is short, whatever the names in the first are.
-    figure.legend(
-        *axes[0][0].get_legend_handles_labels(),
-        loc="upper right",
-        bbox_to_anchor=(1.0, 1.0 - 0.17 / figure.get_figheight()),
-        ncols=2,
-        borderaxespad=0.2,
-    )
+        clouds = [thinned(target), thinned(moved)]
+        for row, projection in enumerate((FRONT, TOP)):
+            scatter_mixed(axes[row][place], clouds, (TARGET, SOURCE), projection)
+    names = f"target: {pair.target_view} view", f"source: {pair.source_view} view"
+    name_clouds(figure, axes[0][0], dict(zip(names, (TARGET, SOURCE), strict=True)))
     return figure
-
-
-def _draw_both(
-    ax: Axes, target_mm: FloatArray, source_mm: FloatArray, projection: Projection
-) -> None:
-    """Both clouds mixed, so that neither lies on top of the other."""
-    clouds = [thinned(cloud) for cloud in (target_mm, source_mm)]
-    colours = np.repeat([to_rgb(TARGET), to_rgb(SOURCE)], [len(c) for c in clouds], axis=0)
-    points = np.concatenate(clouds)
-    mixed = mixed_order(len(points))
-    ax.scatter(
-        points[mixed, projection.right], points[mixed, projection.up],
-        c=colours[mixed], s=1.3, lw=0,
-    )  # fmt: skip
 
 
 def _moved(points_mm: FloatArray, T_new_old: RigidTransform) -> FloatArray:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.figures_measurements import JUMP_MM
+from harness.figures_measurements import face_by_face, scatter_depths
 from harness.figures_page import (
     AXES,
     GAP_IN,
@@ -21,7 +21,14 @@ from harness.figures_page import (
     thinned,
     to_scale,
 )
-from harness.figures_planes import ANGLE, add_patches, add_segments, normal_colours
+from harness.figures_planes import (
+    ANGLE,
+    BRIDGES,
+    OUTLINES,
+    add_patches,
+    add_segments,
+    normal_colours,
+)
 from harness.figures_sphere import LARGEST_PT2, add_globe, add_numbers
 from harness.looks import FRONT, INK, MARK, SOURCE, TARGET, TOP, limits
 from registration.scan import FloatArray, Scan
@@ -32,11 +39,6 @@ from registration.thesis.segments import Segments
 FOOT_IN = 0.95
 LISTED = 20  # normals in the bars beside a Gauss sphere
 NUMBERS = "Number and colour: the patch's normal, 1 has the largest area; grey: beyond the ninth. "
-OUTLINES = (
-    "An outline joins the ends of a patch's first and last segment only, so it can miss parts of "
-    "the patch or cover more. "
-)
-BRIDGES = "Dashed: patches that bridge two groups of profiles."
 
 
 def draw_view_measurements(scan: Scan, title: str) -> Figure:
@@ -155,9 +157,7 @@ def draw_profile_filtering(scan: Scan, filtered: Scan, profile: int, title: str)
                     label="removed")  # fmt: skip
             ax.legend(loc="best")
         if points is after:
-            line = after[:, 1:].copy()
-            line[1:][np.abs(np.diff(line[:, 1])) > JUMP_MM] = np.nan
-            ax.plot(*line.T, lw=0.9, color=SOURCE, zorder=1)
+            ax.plot(*face_by_face(after).T, lw=0.9, color=SOURCE, zorder=1)
         ax.set(xlim=(low[1], high[1]), ylim=(low[2], high[2]), ylabel=AXES[2], title=letter)
         if points is after:
             ax.set_xlabel(AXES[1])
@@ -206,8 +206,5 @@ def _depths(
     for axes, cloud in zip(columns, points_mm, strict=True):
         dots = thinned(cloud)
         for ax, projection in zip(axes, (FRONT, TOP), strict=True):
-            shown = ax.scatter(
-                dots[:, projection.right], dots[:, projection.up], c=dots[:, 2], s=1.6, lw=0,
-                cmap="viridis_r", vmin=near_mm, vmax=far_mm,
-            )  # fmt: skip
+            shown = scatter_depths(ax, dots, projection, near_mm, far_mm)
     add_bar(figure, [columns[-1][:1], columns[-1][-1:]], shown, AXES[2])

@@ -105,16 +105,10 @@ def usable(covariance: FloatArray | None) -> FloatArray:
 
 def pairs_in_loops(experiment: Experiment) -> list[str]:
     """Names of the pairs whose views are also linked by other pairs."""
+    links = {name: (pair.target, pair.source) for name, pair in experiment.pairs.items()}
     looped = []
-    for name, pair in experiment.pairs.items():
-        linked, grown = {pair.source}, True
-        while grown:
-            before = len(linked)
-            for other, link in experiment.pairs.items():
-                if other != name and linked & {link.source, link.target}:
-                    linked |= {link.source, link.target}
-            grown = len(linked) > before
-        if pair.target in linked:
+    for name, (target, source) in links.items():
+        if target in _reached(source, [link for other, link in links.items() if other != name]):
             looped.append(name)
     return looped
 
@@ -160,14 +154,20 @@ def estimates(
 
 def _linked(edges: Sequence[RelativePose], view: str) -> list[RelativePose]:
     """The edges that hang together with a view."""
-    linked, grown = {view}, True
+    reached = _reached(view, [(edge.target, edge.source) for edge in edges])
+    return [edge for edge in edges if edge.target in reached]
+
+
+def _reached(view: str, links: Sequence[tuple[str, str]]) -> set[str]:
+    """The views that links of two lead to from a view, however far."""
+    reached, grown = {view}, True
     while grown:
-        before = len(linked)
-        for edge in edges:
-            if linked & {edge.target, edge.source}:
-                linked |= {edge.target, edge.source}
-        grown = len(linked) > before
-    return [edge for edge in edges if edge.target in linked]
+        before = len(reached)
+        for link in links:
+            if not reached.isdisjoint(link):
+                reached.update(link)
+        grown = len(reached) > before
+    return reached
 
 
 def _errors(T_exact: RigidTransform, found: Estimate) -> list[float]:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from harness.bound import parameter_deviations
-from harness.pair_tables import COLUMNS
-
-FloatArray = NDArray[np.float64]
+from harness.scoring import PARAMETERS
+from registration.scan import FloatArray
 
 COUNTED = ("all points of shared faces", "points in the overlap only")
 
@@ -24,7 +22,7 @@ def bound_ratios(group: pd.DataFrame, which: int) -> FloatArray:
     for bounds, T_exact, errors in zip(
         group["bounds"],
         group["T_exact"],
-        group[[f"error_{c}" for c in COLUMNS]].to_numpy(float),
+        group[[f"error_{c}" for c in PARAMETERS]].to_numpy(float),
         strict=True,
     ):
         if bounds is not None and np.isfinite(bounds[which]).all() and np.isfinite(errors).all():

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import RigidTransform
 
 from harness.arm_figure import draw_arm
-from harness.clouds import measured_points, write_cloud
-from harness.execution import scan_view
-from harness.figures_page import Style, mixed_order, projections, save, thinned
+from harness.clouds import write_cloud
+from harness.execution import scan_view, scene_of, sensor_of
+from harness.figures_page import name_clouds, page_style, projections, save, scatter_mixed, thinned
 from harness.looks import FRONT, TOP
 from harness.multiview import NO_COVARIANCE, middle_view, poses_in, usable
 from harness.pair_view import PairView, file_slug
@@ -25,9 +25,7 @@ from harness.trials import Trial, TrialSpec
 from harness.views import ViewSpec
 from registration.pose_graph import RelativePose
 from registration.scan import FloatArray
-from scenes import SCENES
 from scenes.picture import VIEW_COLOURS
-from sensors import SENSORS
 
 Estimate = tuple[RigidTransform, FloatArray]  # the pose and its covariance
 PREFIX = "views_"
@@ -94,13 +92,11 @@ def _draw_arm(drawn: Sequence[Drawn], folder: Path) -> list[Path]:
     if not arms:
         return []
     spec = drawn[0].spec
-    scene = SCENES[spec.scene.name].builder(spec.scene.params)
-    sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
     paths = {name: spec.path(view) for name, (spec, view) in views.items()}
     file = folder / "figures" / f"{PREFIX}arm.png"
     file.parent.mkdir(parents=True, exist_ok=True)
     title = f"{spec.scene.name}: the arm before the scene"
-    return [draw_arm(scene, sensor, arms[0], paths, title, file)]
+    return [draw_arm(scene_of(spec), sensor_of(spec), arms[0], paths, title, file)]
 
 
 def _draw_superpositions(
@@ -110,9 +106,8 @@ def _draw_superpositions(
     views = _views(drawn)
     if len(views) < 3:
         return []
-    points_mm = {
-        name: measured_points(scan_view(spec, view)) for name, (spec, view) in views.items()
-    }
+    scans = {name: scan_view(spec, view) for name, (spec, view) in views.items()}
+    points_mm = {name: scan.points_mm[scan.valid] for name, scan in scans.items()}
     colours = _colours(points_mm)
     files = []
     for label in dict.fromkeys(trial.label for trial, _ in drawn):
@@ -125,7 +120,7 @@ def _draw_superpositions(
         slug = f"{PREFIX}{file_slug(label)}"
         file = folder / "figures" / f"{slug}_superposed.png"
         file.parent.mkdir(parents=True, exist_ok=True)
-        with Style():
+        with page_style():
             files.append(save(superposition(points_mm, poses, truth, title), file))
         moved = [pose.apply(points_mm[name]) for name, pose in poses.items()]
         rgb = [_bytes(colours[name]) for name in poses]
@@ -143,7 +138,7 @@ def draw_superposed_pairs(pairs: Sequence[PairView], title: str) -> Figure:
     for pair in pairs:
         names = pair.target_view, pair.source_view
         for name, scan in zip(names, (pair.target, pair.source), strict=True):
-            points_mm[name] = measured_points(scan)
+            points_mm[name] = scan.points_mm[scan.valid]
         exact.append(RelativePose(*names, pair.T_target_source_exact, NO_COVARIANCE))
         pose = pair.result.T_target_source
         if pose is not None:
@@ -175,26 +170,11 @@ def superposition(
     )
     colours = _colours(points_mm)
     for column, side in enumerate(sides):
-        shown = {name: thinned(points)[:SHOWN] for name, points in side.items()}
-        points = np.concatenate(list(shown.values()))
-        paint = np.concatenate(
-            [np.tile(to_rgb(colours[name]), (len(part), 1)) for name, part in shown.items()]
-        )
-        order = mixed_order(len(points))
+        clouds = [thinned(points)[:SHOWN] for points in side.values()]
         for row, projection in enumerate((FRONT, TOP)):
-            axes[row][column].scatter(
-                points[order, projection.right], points[order, projection.up],
-                c=paint[order], s=1.3, lw=0,
-            )  # fmt: skip
-    for name, colour in colours.items():
-        axes[0][0].scatter([], [], s=24, lw=0, c=colour, label=name)
-    figure.legend(
-        *axes[0][0].get_legend_handles_labels(),
-        loc="upper right",
-        bbox_to_anchor=(1.0, 1.0 - 0.17 / figure.get_figheight()),
-        ncols=len(colours),
-        borderaxespad=0.2,
-    )
+            paint = [colours[name] for name in side]
+            scatter_mixed(axes[row][column], clouds, paint, projection)
+    name_clouds(figure, axes[0][0], colours)
     return figure
 
 
@@ -205,7 +185,7 @@ def _links(
     estimated, exact = [], []
     for trial, spec in drawn:
         names = spec.target.name, spec.source.name
-        T_exact = exact_pose(spec.path(spec.target), spec.path(spec.source))
+        T_exact = exact_pose(*spec.paths)
         exact.append(RelativePose(*names, T_exact, NO_COVARIANCE))
         if trial.id in found:
             estimated.append(RelativePose(*names, *found[trial.id]))

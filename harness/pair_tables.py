@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,6 @@ from harness.views import LABEL_ORDER, relabelled
 
 NAMES = ("Rotation X (deg)", "Rotation Y (deg)", "Rotation Z (deg)",
          "Translation X (mm)", "Translation Y (mm)", "Translation Z (mm)")  # fmt: skip
-COLUMNS = tuple(
-    f"{name}_{unit}" for name, unit in zip(PARAMETERS, ["deg"] * 3 + ["mm"] * 3, strict=True)
-)
 
 
 def pair_tables(experiment: Experiment, rows: pd.DataFrame) -> Iterator[Table]:
@@ -35,7 +32,7 @@ def _pair_table(
 ) -> Table:
     first = rows.iloc[0]
     exact, theoretical, estimated, error = (
-        first[[f"{kind}_{column}" for column in COLUMNS]].to_numpy(dtype=np.float64)
+        first[[f"{kind}_{column}" for column in PARAMETERS]].to_numpy(dtype=np.float64)
         for kind in ("exact", "theoretical", "estimated", "error")
     )
     columns: dict[str, Any] = {
@@ -66,7 +63,7 @@ def _pair_table(
         columns["Our error, all repeats"] = [
             _spread(known[column], sign)
             for column, sign in (
-                *((f"error_{c}", "+") for c in COLUMNS),
+                *((f"error_{c}", "+") for c in PARAMETERS),
                 ("rotation_error_deg", ""),
                 ("translation_error_mm", ""),
             )
@@ -117,15 +114,23 @@ def _pair_note(rows: pd.DataFrame, n_known: int) -> str:
     if not np.isnan(first["overlap_source"]):
         text += f" The target view sees {first['overlap_source']:.0%} of the source's points."
     if first["T_theoretical"] is not None:
-        poses = (RigidTransform.from_matrix(first[f"T_{k}"]) for k in ("exact", "theoretical"))
-        off = pose_error(*poses)
-        text += (
-            f" The theoretical pose is {np.rad2deg(off.rotation_rad):.3f} deg and "
-            f"{off.translation_mm:.2f} mm off the exact one."
-        )
+        off_deg, off_mm = theoretical_error(first)
+        text += f" The theoretical pose is {off_deg:.3f} deg and {off_mm:.2f} mm off the exact one."
     if first["status"] != "ok":
         text += f" Repeat 0: {first['status']}: {first['reason']}."
     return text
+
+
+def theoretical_error(row: Mapping[Any, Any] | pd.Series[Any]) -> tuple[float, float]:
+    """How far the encoders' pose of a row is off the exact one, degrees and mm.
+
+    NaN without an arm. row: of whole rows, as store.load gives them.
+    """
+    if row["T_theoretical"] is None:
+        return np.nan, np.nan
+    poses = (RigidTransform.from_matrix(row[f"T_{kind}"]) for kind in ("exact", "theoretical"))
+    error = pose_error(*poses)
+    return float(np.rad2deg(error.rotation_rad)), error.translation_mm
 
 
 def thesis_values(pair: Pair, labels: RotationLabels) -> tuple[list[float], list[float]] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import datetime
 import hashlib
+import json
 import os
 import platform
 import subprocess
@@ -130,6 +131,12 @@ def _found(module: str) -> Path | None:
 
 def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def note_run(folder: Path, code: str) -> None:
+    """Write what computes results beside them, as run.json."""
+    facts = json.dumps(run_facts(code), indent=2)
+    (folder / "run.json").write_text(facts + "\n", encoding="utf-8")
 
 
 def run_facts(code: str) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,16 +12,16 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 from scipy.stats import chi2
 
-from harness.figures_page import Style, add_axes, new_figure, save
-from harness.looks import GREY, INK
+from harness.figures_page import add_axes, new_figure, page_style, save
+from harness.looks import GREY
 from harness.normalised_errors import COUNTED, squared_distances
 from harness.pair_tables import NAMES
-from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family, within
+from harness.random_groups import BANDS, THRESHOLDS, grouped, in_band, with_family
 from harness.random_tables import bound_table
+from harness.row_scores import within
 from harness.scoring import COARSE, FINE, wilson_interval
+from harness.study_figures import COLOURS, colours_of
 
-# Okabe and Ito's colours, safe for the colour-blind.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", INK)
 SHOWN_BANDS = BANDS[:3]
 MOST_METHODS = len(COLOURS)  # more cannot be told apart
 CROWD = 4  # methods from which on their intervals would hide each other
@@ -40,7 +39,7 @@ def draw_random_figures(rows: pd.DataFrame, folder: Path) -> list[Path]:
     }
     files = []
     for name, draw in figures.items():
-        with Style():
+        with page_style():
             figure = draw(known)
             if figure is not None:
                 files.append(save(figure, folder / f"random_{name}.png"))
@@ -58,18 +57,11 @@ def legible(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[rows["method"].isin(kept)].assign(left_out=len(methods) - len(kept))
 
 
-def _styles(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """A colour for each method, the same in every figure."""
-    return {
-        str(method): {"color": colour}
-        for method, colour in zip(rows["method"].unique(), COLOURS, strict=False)
-    }
-
-
 def _legend(figure: Figure, rows: pd.DataFrame, marker: str = "") -> None:
     """The methods below the figure, and how many are left out."""
     look = {"ls": "", "marker": marker, "ms": 5} if marker else {"lw": 1.6}
-    handles = [Line2D([], [], label=m, **look, **style) for m, style in _styles(rows).items()]
+    colours = colours_of(rows["method"].unique())
+    handles = [Line2D([], [], label=m, color=colour, **look) for m, colour in colours.items()]
     note = None
     if "left_out" in rows.columns:
         left_out = rows["left_out"].iloc[0]
@@ -87,11 +79,11 @@ def _legend_in(rows: pd.DataFrame) -> float:
 
 def draw_success(rows: pd.DataFrame) -> Figure | None:
     """Success rate against the tolerance, by scenes and overlap, with Wilson's interval."""
-    families, styles = list(rows["family"].unique()), _styles(rows)
+    families, colours = list(rows["family"].unique()), colours_of(rows["method"].unique())
     legend_in = _legend_in(rows)
     figure = new_figure(
         "How often is a method right?\nShare of pairs answered ok and within the tolerance"
-        + (", with Wilson's 95 % interval" if len(styles) < CROWD else ""),
+        + (", with Wilson's 95 % interval" if len(colours) < CROWD else ""),
         0.8 + 2.4 * len(families) + legend_in,
     )
     angles = [tolerance.rotation_deg for tolerance in THRESHOLDS]
@@ -102,12 +94,12 @@ def draw_success(rows: pd.DataFrame) -> Figure | None:
             ax = add_axes(figure, 0.75 + 2.8 * c, bottom, 2.3, 1.6)
             of_band = in_band(rows[rows["family"] == family], band)
             pairs = of_band["pair"].nunique()
-            for i, (method, style) in reversed(list(enumerate(styles.items()))):
+            for i, (method, colour) in reversed(list(enumerate(colours.items()))):
                 group = of_band[of_band["method"] == method]
                 if len(group):
                     # Later methods wider and below, so that equal curves show all their colours.
-                    look = {**style, "lw": 1.4 + 0.5 * i}
-                    _curve(ax, group, angles, look, interval=len(styles) < CROWD)
+                    width = 1.4 + 0.5 * i
+                    _curve(ax, group, angles, colour, width, interval=len(colours) < CROWD)
             ax.set(xscale="log", ylim=(-0.02, 1.02), xlim=(angles[0], angles[-1]))
             ax.set_xticks([t.rotation_deg for t in marked])
             ax.set_xticklabels([f"{t.rotation_deg:g}°\n{t.translation_mm:g} mm" for t in marked])
@@ -120,13 +112,18 @@ def draw_success(rows: pd.DataFrame) -> Figure | None:
 
 
 def _curve(
-    ax: Axes, group: pd.DataFrame, angles: list[float], style: dict[str, Any], interval: bool
+    ax: Axes,
+    group: pd.DataFrame,
+    angles: list[float],
+    colour: str,
+    width: float,
+    interval: bool,
 ) -> None:
     right = [int(within(group, tolerance).sum()) for tolerance in THRESHOLDS]
     if interval:
         low, high = np.transpose([wilson_interval(k, len(group)) for k in right])
-        ax.fill_between(angles, low, high, color=style["color"], alpha=0.15, lw=0)
-    ax.plot(angles, np.array(right) / len(group), **style)
+        ax.fill_between(angles, low, high, color=colour, alpha=0.15, lw=0)
+    ax.plot(angles, np.array(right) / len(group), color=colour, lw=width)
 
 
 def draw_bound(rows: pd.DataFrame) -> Figure | None:
@@ -135,7 +132,7 @@ def draw_bound(rows: pd.DataFrame) -> Figure | None:
     if not len(table):
         return None
     table = table[table["Scenes"] == table["Scenes"].iloc[0]]  # all scenes, if there are several
-    styles = _styles(rows)
+    colours = colours_of(rows["method"].unique())
     legend_in = _legend_in(rows)
     figure = new_figure(
         "How far from the limit is a method?\nErrors of the successes by their Cramer-Rao bounds; "
@@ -146,19 +143,19 @@ def draw_bound(rows: pd.DataFrame) -> Figure | None:
     for c, counted in enumerate(COUNTED):
         ax = add_axes(figure, 0.75 + 4.2 * c, legend_in + 0.4, 3.85, 2.6)
         of_bound = table[table["Bound from"] == counted]
-        shift = 0.7 / max(len(styles), 1)
-        for i, (method, style) in enumerate(styles.items()):
+        shift = 0.7 / max(len(colours), 1)
+        for i, (method, colour) in enumerate(colours.items()):
             group = of_bound[of_bound["Method"] == method].set_index("Error")
             if not len(group):
                 continue
-            x = places + shift * (i - 0.5 * (len(styles) - 1))
+            x = places + shift * (i - 0.5 * (len(colours) - 1))
             squares, medians = (
                 group.loc[name, list(NAMES)].to_numpy(float)
                 for name in ("root mean square", "by the median")
             )
-            ax.vlines(x, medians, squares, color=style["color"], lw=1.2)
-            ax.plot(x, squares, "o", ms=4.5, color=style["color"])
-            ax.plot(x, medians, "_", ms=8, mew=1.6, color=style["color"])
+            ax.vlines(x, medians, squares, color=colour, lw=1.2)
+            ax.plot(x, squares, "o", ms=4.5, color=colour)
+            ax.plot(x, medians, "_", ms=8, mew=1.6, color=colour)
         ax.axhline(1.0, color=GREY, lw=1.0)
         ax.set(yscale="log", xlim=(-0.6, 5.6))
         ax.set_xticks(places, ["rot. X", "rot. Y", "rot. Z", "X", "Y", "Z"])
@@ -172,7 +169,7 @@ def draw_bound(rows: pd.DataFrame) -> Figure | None:
 def draw_calibration(rows: pd.DataFrame) -> Figure | None:
     """Share of errors inside the covariance's ellipsoid against what it should be."""
     answered = rows[rows["status"] == "ok"]
-    styles = _styles(rows)
+    colours = colours_of(rows["method"].unique())
     distances = {
         method: squared_distances(group)
         for _, method, group in grouped(answered.assign(family="all"))
@@ -190,8 +187,9 @@ def draw_calibration(rows: pd.DataFrame) -> Figure | None:
     ax.plot(levels, levels, color=GREY, lw=1.0, label="right covariances")
     for method, values in distances.items():
         shares = [(values <= chi2.ppf(level, 6)).mean() for level in levels]
-        ax.plot(levels, shares, lw=1.6, label=f"{method},\n{len(values)} answers", **styles[method])
-    for method in styles:
+        label = f"{method},\n{len(values)} answers"
+        ax.plot(levels, shares, lw=1.6, label=label, color=colours[method])
+    for method in colours:
         if method not in distances:
             ax.plot([], [], ls="", label=f"{method}:\nno covariances")
     ax.set(xlim=(0, 1), ylim=(0, 1.01), aspect="equal")
@@ -211,11 +209,11 @@ def draw_times(rows: pd.DataFrame) -> Figure | None:
         4.9 + legend_in,
     )
     ax = add_axes(figure, 0.9, legend_in + 0.5, 7.7, 3.5)
-    for method, style in _styles(rows).items():
+    for method, colour in colours_of(rows["method"].unique()).items():
         times = np.sort(rows.loc[rows["method"] == method, "ms_registration"].dropna().to_numpy())
         if len(times):
             shares = np.arange(1, len(times) + 1) / len(times)
-            ax.step(times, shares, where="post", lw=1.6, **style)
+            ax.step(times, shares, where="post", lw=1.6, color=colour)
     ax.set(xscale="log", ylim=(0, 1.01), xlabel="time of a registration (ms)")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter("{x:g}")

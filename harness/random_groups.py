@@ -1,4 +1,4 @@
-"""How the rows on random pairs are grouped, and which of them are right."""
+"""How the rows on random pairs are grouped, and at which tolerances they are judged."""
 
 from __future__ import annotations
 
@@ -7,12 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from harness.random_pairs import family_of
 from harness.scoring import Tolerance
-
-BoolArray = NDArray[np.bool_]
 
 
 class Band(NamedTuple):
@@ -55,16 +52,6 @@ def with_family(rows: pd.DataFrame) -> pd.DataFrame:
         low, high = of_pair.transform("min"), of_pair.transform("max")
         known["overlap"] = known["overlap"].fillna(low.where(low == high))
     return known
-
-
-def within(rows: pd.DataFrame, tolerance: Tolerance) -> BoolArray:
-    """(n,) which rows are answered "ok" and within the tolerance."""
-    right = (
-        (rows["status"] == "ok")
-        & (rows["rotation_error_deg"] <= tolerance.rotation_deg)
-        & (rows["translation_error_mm"] <= tolerance.translation_mm)
-    )
-    return right.to_numpy(dtype=bool)
 
 
 def in_band(rows: pd.DataFrame, band: Band) -> pd.DataFrame:

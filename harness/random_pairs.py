@@ -26,7 +26,7 @@ from harness.config_errors import ConfigError, Key
 from harness.random_schema import Family, RandomPairsExperiment
 from harness.recent import Recent
 from harness.schema import AimedView
-from harness.trials import Trial, Trials, TrialSpec, used_methods
+from harness.trials import Trial, Trials, TrialSpec, keyed_rng, used_methods
 from harness.views import ViewSpec
 from scenes import SCENES
 from scenes.scene import Scene
@@ -150,7 +150,7 @@ def build_random_trials(
             families[name][0], sensor, experiment.scan.profiles, experiment.scan.step_mm,
             methods[of_method], number, experiment.seed, drawn_for=drawn_for,
         )  # fmt: skip
-        return Trial(spec, f"{name} {number}", choice.label or choice.name)
+        return Trial(spec, f"{name} {number}", choice.called)
 
     return Trials(int(ends[-1]), trial, used_methods(methods))
 
@@ -159,12 +159,10 @@ def drawn_spec(spec: RandomSpec, shares: Callable[[TrialSpec], tuple[float, floa
     """Draw the pair of a spec; the same spec gives the same pair, whatever the method or noise.
 
     Its profiles are those for which it is drawn.
-
     shares: exact shares of either view's points that the other sees. Raises NoPairError.
     """
     rules, line = spec.rules, spec.line
-    digest = hashlib.sha256(spec.pair_key().encode()).digest()
-    rng = np.random.default_rng(np.random.SeedSequence(int.from_bytes(digest)))
+    rng = keyed_rng(spec.pair_key())
     sensor: Sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
     scene = rules.scene
     if rules.new_scene:
@@ -179,7 +177,7 @@ def drawn_spec(spec: RandomSpec, shares: Callable[[TrialSpec], tuple[float, floa
             scene, spec.sensor, line.profiles, line.step_mm, target, source, spec.method,
             "", spec.repeat, spec.seed,
         )  # fmt: skip
-        rough = min(_rough_shares(sensor, built, pair.path(target), pair.path(source)))
+        rough = min(_rough_shares(sensor, built, *pair.paths))
         if least - ROUGHLY <= rough <= most + ROUGHLY and least <= min(shares(pair)) <= most:
             return pair
     raise NoPairError(

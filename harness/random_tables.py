@@ -11,7 +11,8 @@ from scipy.stats import chi2
 from harness.normalised_errors import COUNTED, bound_ratios, squared_distances
 from harness.notes import with_notes
 from harness.pair_tables import NAMES
-from harness.random_groups import THRESHOLDS, banded, grouped, with_family, within
+from harness.random_groups import THRESHOLDS, banded, grouped, with_family
+from harness.row_scores import ERRORS, error_quantiles, within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.table_files import Table
 
@@ -43,8 +44,7 @@ def success_table(rows: pd.DataFrame) -> Table:
         for tolerance in (FINE, COARSE):
             right = int(within(group, tolerance).sum())
             low, high = wilson_interval(right, len(group))
-            column = f"Within {tolerance.rotation_deg:g} deg and {tolerance.translation_mm:g} mm"
-            record[column] = f"{right / len(group):.1%} [{low:.1%}, {high:.1%}]"
+            record[f"Within {tolerance}"] = f"{right / len(group):.1%} [{low:.1%}, {high:.1%}]"
         record["Marked ok"] = int((group["status"] == "ok").sum())
         record["of these wrong"] = record["Marked ok"] - int(within(group, COARSE).sum())
         records.append(record)
@@ -96,28 +96,17 @@ def accuracy_table(rows: pd.DataFrame) -> Table:
     """Quantiles of the errors, over the successes and over all pairs."""
     records = []
     for family, method, group in grouped(rows):
-        errors = group[["rotation_error_deg", "translation_error_mm"]].astype(np.float64)
+        errors = group[list(ERRORS)].astype(np.float64)
         answered = errors.where(group["status"] == "ok", np.inf).fillna(np.inf)
         for over, values in (("successes", errors[within(group, COARSE)]), ("all", answered)):
-            record: dict[str, Any] = {"Scenes": family, "Method": method, "Over": over}
-            record["Pairs"] = len(values)
-            for column, unit in (("rotation_error_deg", "deg"), ("translation_error_mm", "mm")):
-                kind = column.split("_")[0].capitalize()
-                for name, q in (("median", 0.5), ("90 %", 0.9)):
-                    # An observed value, not one between two: half of infinity means nothing.
-                    record[f"{kind} {name} ({unit})"] = (
-                        float(np.quantile(values[column], q, method="higher"))
-                        if len(values)
-                        else np.nan
-                    )
-            records.append(record)
+            record = {"Scenes": family, "Method": method, "Over": over, "Pairs": len(values)}
+            records.append(record | error_quantiles(values))
     frame = pd.DataFrame(records)
     return Table(
         "accuracy",
         "Errors",
-        f"Median and 90 % quantile over the successes within {COARSE.rotation_deg:g} deg and "
-        f"{COARSE.translation_mm:g} mm, and over all pairs, where one without an answer marked ok "
-        "counts as infinite and prints as none.",
+        f"Median and 90 % quantile over the successes within {COARSE}, and over all pairs, where "
+        "one without an answer marked ok counts as infinite and prints as none.",
         frame,
         {"Pairs": "d"} | dict.fromkeys(frame.columns[4:], ".3f"),
     )
@@ -145,11 +134,10 @@ def bound_table(rows: pd.DataFrame) -> Table:
     return Table(
         "bound",
         "Errors in units of the Cramer-Rao bound",
-        "1 is what no unbiased method can beat. Over the successes within "
-        f"{COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm, each error divided by the "
-        "bound of its own pair: the root of the mean square, which single outliers decide, and "
-        "the median, scaled to be the same for normal errors. The bound counts the noise, not "
-        "the sensor's bulge.",
+        f"1 is what no unbiased method can beat. Over the successes within {COARSE}, each error "
+        "divided by the bound of its own pair: the root of the mean square, which single outliers "
+        "decide, and the median, scaled to be the same for normal errors. The bound counts the "
+        "noise, not the sensor's bulge.",
         pd.DataFrame(records),
         {"Pairs": "d"} | dict.fromkeys(NAMES, ".2f"),
     )
@@ -235,8 +223,7 @@ def status_table(rows: pd.DataFrame) -> Table:
     return Table(
         "statuses",
         "Answers by status",
-        f"Right is within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm; numbers in "
-        "reasons are replaced by N.",
+        f"Right is within {COARSE}; numbers in reasons are replaced by N.",
         pd.DataFrame(records),
         dict.fromkeys(("Pairs", "With a pose", "that was right"), "d"),
     )

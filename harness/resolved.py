@@ -7,16 +7,13 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+from harness.config import AnyExperiment
 from harness.overrides import key_path
 from harness.random_pairs import RandomSpec, family_of
-from harness.random_schema import RandomPairsExperiment
-from harness.schema import Experiment
 from harness.trials import Trial, full_specs
 
 
-def resolved_config(
-    experiment: Experiment | RandomPairsExperiment, base: Sequence[Trial]
-) -> dict[str, Any]:
+def resolved_config(experiment: AnyExperiment, base: Sequence[Trial]) -> dict[str, Any]:
     """The configuration with every default and preset written out; it makes the same trials.
 
     base: the trials of the experiment without its sweep. Where a sweep chooses another scene,
@@ -37,9 +34,7 @@ def resolved_config(
     return full
 
 
-def with_defaults(
-    experiment: Experiment | RandomPairsExperiment, base: Sequence[Trial]
-) -> dict[str, Any]:
+def with_defaults(experiment: AnyExperiment, base: Sequence[Trial]) -> dict[str, Any]:
     """The configuration with every default and preset written out, whatever a sweep changes."""
     data = experiment.model_dump(mode="json", exclude_none=True, by_alias=True)
     data["sensor"]["params"] = _plain(base[0].spec.sensor.params)

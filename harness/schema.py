@@ -46,6 +46,11 @@ class MethodChoice(Choice):
     figures: bool = True
     optional: bool = False
 
+    @property
+    def called(self) -> str:
+        """Its label, or its name where it has none."""
+        return self.label or self.name
+
 
 class ScanSize(Strict):
     """Profiles a view, and the sensor's motion between two of them."""

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from registration.scan import FloatArray
 from sensors.arm import ArmPath
 from sensors.paths import ViewPath
 
-FloatArray = NDArray[np.float64]
-
-PARAMETERS = ("rotation_x", "rotation_y", "rotation_z", "x", "y", "z")
+# The six parameters of a pose, as columns of rows end.
+PARAMETERS = ("rotation_x_deg", "rotation_y_deg", "rotation_z_deg", "x_mm", "y_mm", "z_mm")
 
 
 class Tolerance(NamedTuple):
@@ -21,6 +20,10 @@ class Tolerance(NamedTuple):
 
     rotation_deg: float
     translation_mm: float
+
+    def __str__(self) -> str:
+        """As captions and columns have it: "5 deg and 30 mm"."""
+        return f"{self.rotation_deg:g} deg and {self.translation_mm:g} mm"
 
 
 COARSE = Tolerance(5.0, 30.0)

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import json
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.choices import installed_methods
-from harness.config import dump_yaml, load_experiment, overridden_mapping
+from harness.config import AnyExperiment, dump_yaml, load_experiment, overridden_mapping
 from harness.face_gaps import FaceGaps
 from harness.lazy import Lazy
 from harness.pool import MakeExecutor
-from harness.provenance import Sources, code_fingerprint, run_facts
+from harness.provenance import Sources, code_fingerprint, note_run
 from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
 from harness.report.folder import FOLDER as RECORDS
 from harness.resolved import resolved_config, with_defaults
 from harness.runner import Done, Task, run
-from harness.schema import Experiment
 from harness.store import Store, StoreError, load
 from harness.swept_trials import build_swept_trials
 from harness.table_files import Table, write_tables
@@ -46,13 +44,20 @@ class Session:
     """
 
     file: Path
-    experiment: Experiment | RandomPairsExperiment
+    experiment: AnyExperiment
     trials: Trials
     folder: Path
     code: str
     sources: Sources
     base: Trials
     left_out: tuple[str, ...] = ()
+
+    @property
+    def drawn_labels(self) -> list[str]:
+        """Labels of the methods whose repeat 0 is drawn; none of a sweep, of too many pairs."""
+        if self.experiment.sweep is not None:
+            return []
+        return [method.called for method in self.experiment.methods if method.figures]
 
 
 @dataclass(frozen=True)
@@ -98,9 +103,7 @@ def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
 
     The figures of repeat 0 go with their trial. redraw: compute no rows, draw all figures again.
     """
-    labels = {m.label or m.name for m in session.experiment.methods if m.figures}
-    if session.experiment.sweep is not None:
-        labels = set()  # nobody looks at thousands of them
+    labels = session.drawn_labels
     scans = array("q")  # a number for the scans of each trial
     drawn: dict[int, Trial] = {}  # those that have figures, by position
 
@@ -148,9 +151,9 @@ def execute(
 ) -> Iterator[Done]:
     """Note what is run by what, then perform the tasks; hands each on as it ends."""
     if planned.missing:
-        facts = json.dumps(run_facts(session.code), indent=2)
-        (session.folder / "run.json").write_text(facts + "\n", encoding="utf-8")
-    (session.folder / "config.yaml").write_text(dump_yaml(resolved(session)), encoding="utf-8")
+        note_run(session.folder, session.code)
+    config = dump_yaml(resolved_config(session.experiment, session.base))
+    (session.folder / "config.yaml").write_text(config, encoding="utf-8")
     store.forget_drawings(session.trials)
     limits = session.experiment.limits
     for done in run(planned.tasks, store, session.code, make_executor, limits, session.sources):
@@ -165,9 +168,8 @@ def draw_whole(session: Session, make_executor: MakeExecutor) -> list[Path]:
         return []
     from harness.overview import draw_overview  # it brings matplotlib
 
-    labels = [m.label or m.name for m in session.experiment.methods if m.figures]
     rows = load(session.folder)
-    return draw_overview(session.trials, labels, rows, session.folder, make_executor)
+    return draw_overview(session.trials, session.drawn_labels, rows, session.folder, make_executor)
 
 
 def report(session: Session) -> list[Table]:
@@ -183,36 +185,30 @@ def report(session: Session) -> list[Table]:
     from harness.variants import variant_tables
     from harness.view_tables import sensing_tables
 
-    rows = load(session.folder, arrays=session.experiment.sweep is None)
+    experiment = session.experiment
+    rows = load(session.folder, arrays=experiment.sweep is None)
     if rows.empty:
         raise StoreError(f"{session.folder} has no row of this configuration; run it first")
-    random = isinstance(session.experiment, RandomPairsExperiment)
-    if session.experiment.sweep is not None:
+    if experiment.sweep is not None:
         tables = [sweep_table(rows)]
-    elif isinstance(session.experiment, RandomPairsExperiment):
+    elif isinstance(experiment, RandomPairsExperiment):
         from harness.random_figures import draw_random_figures
 
-        tables = random_tables(rows)
+        tables = random_tables(rows) + variant_tables(experiment.methods, rows, random=True)
         draw_random_figures(rows, session.folder / "figures")
     else:
-        tables = all_tables(session.experiment, rows, _gaps(session.trials, rows))
-    if session.experiment.sweep is None:
-        tables += variant_tables(session.experiment.methods, rows, random)
-    if isinstance(session.experiment, RandomPairsExperiment) and session.experiment.study:
+        tables = all_tables(experiment, rows, _gaps(session.trials, rows))
+        tables += variant_tables(experiment.methods, rows, random=False)
+    if isinstance(experiment, RandomPairsExperiment) and experiment.study:
         from harness.study import draw_study, find
 
-        findings = find(session.experiment, rows)
+        findings = find(experiment, rows)
         draw_study(findings, session.folder / "figures")
         tables = [*findings.tables, *(replace(t, quiet=True) for t in tables)]
     tables = [replace(table, quiet=table.quiet or table.name in QUIET) for table in tables]
     tables += sensing_tables(session.base)
     write_tables(tables, session.folder / "tables")
     return tables
-
-
-def resolved(session: Session) -> dict[str, Any]:
-    """The configuration with every default and preset written out; it makes the same trials."""
-    return resolved_config(session.experiment, session.base)
 
 
 def _gaps(trials: Sequence[Trial], rows: pd.DataFrame) -> dict[str, FaceGaps]:

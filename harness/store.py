@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sqlite3
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -139,7 +138,7 @@ class Store:
                 shown = json.dumps(list(point.shown.values()))
                 values = (point.number, point.varied, shown)
                 connection.execute("INSERT OR IGNORE INTO points VALUES (?, ?, ?)", values)
-            number, kind = self._number(connection, trial.id), self._kind(connection, trial)
+            number, kind = self._number(trial.id), self._kind(trial)
             of_point = None if point is None else point.number
             yield position, number, kind, trial.spec.repeat, of_point
 
@@ -214,12 +213,12 @@ class Store:
 
     def add_all(self, rows: Iterable[Row], code: str) -> None:
         """Write some rows and commit them together; rows of the same ids are replaced."""
-        with telling(self.path), self._connection as connection:
+        with telling(self.path), self._connection:
             for row in rows:
-                self._insert(connection, row, code)
+                self._insert(row, code)
 
-    def _insert(self, connection: sqlite3.Connection, row: Row, code: str) -> None:
-        number, notes = self._number(connection, row.id), "\n".join(row.notes)
+    def _insert(self, row: Row, code: str) -> None:
+        number, notes = self._number(row.id), "\n".join(row.notes)
         self._replace(
             "trials", number,
             self._shared("endings", row.status, row.stage, row.reason, row.traceback, notes),
@@ -231,7 +230,7 @@ class Store:
         )  # fmt: skip
         matrices = (row.bounds, row.covariance, row.undetermined)
         self._replace("matrices", number, *map(packed, matrices))
-        self._replace("specs", number, self._shortened(connection, row.spec))
+        self._replace("specs", number, self._shortened(row.spec))
         times = packed(list(row.stage_ms.values()))
         self._replace("timings", number, code, self._listed(row.stage_ms), times)
 
@@ -239,23 +238,23 @@ class Store:
         marks = ", ".join("?" * len(values))
         self._connection.execute(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", values)
 
-    def _number(self, connection: sqlite3.Connection, identity: str) -> int:
+    def _number(self, identity: str) -> int:
         """The number of a trial in this file, a new one where it is not known yet."""
-        made = connection.execute("INSERT OR IGNORE INTO ids (id) VALUES (?)", (identity,))
+        made = self._connection.execute("INSERT OR IGNORE INTO ids (id) VALUES (?)", (identity,))
         if made.rowcount:
             return made.lastrowid or 0
         query = "SELECT number FROM ids WHERE id = ?"
-        (number,) = connection.execute(query, (identity,)).fetchone()
+        (number,) = self._connection.execute(query, (identity,)).fetchone()
         return int(number)
 
-    def _kind(self, connection: sqlite3.Connection, trial: Trial) -> int:
+    def _kind(self, trial: Trial) -> int:
         """The number of a pair, a method and what that is given."""
         names = trial.pair, trial.label, trial.spec.given
         if names not in self._kinds:
             insert = "INSERT OR IGNORE INTO kinds (pair, method, given) VALUES (?, ?, ?)"
-            connection.execute(insert, names)
+            self._connection.execute(insert, names)
             query = "SELECT kind FROM kinds WHERE pair = ? AND method = ? AND given = ?"
-            (self._kinds[names],) = connection.execute(query, names).fetchone()
+            (self._kinds[names],) = self._connection.execute(query, names).fetchone()
             if len(self._kinds) > KNOWN_PARTS:
                 self._kinds.pop(next(iter(self._kinds)))
         return self._kinds[names]
@@ -277,7 +276,7 @@ class Store:
                 self._known.pop(next(iter(self._known)))
         return self._known[key]
 
-    def _shortened(self, connection: sqlite3.Connection, spec: str) -> str:
+    def _shortened(self, spec: str) -> str:
         """A spec with the hashes of its larger parts in their place; the parts are kept once."""
         short = {}
         for name, value in json.loads(spec).items():
@@ -285,7 +284,8 @@ class Store:
                 text = json.dumps(value, sort_keys=True, separators=(",", ":"))
                 digest = hashlib.sha256(text.encode()).hexdigest()[:16]
                 if digest not in self._parts:
-                    connection.execute("INSERT OR IGNORE INTO parts VALUES (?, ?)", (digest, text))
+                    insert = "INSERT OR IGNORE INTO parts VALUES (?, ?)"
+                    self._connection.execute(insert, (digest, text))
                     self._parts[digest] = None
                     if len(self._parts) > KNOWN_PARTS:
                         self._parts.pop(next(iter(self._parts)))

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from registration.scan import FloatArray
+
 FILE_NAME = "trials.sqlite"
 LOCK_NAME = "trials.lock"
 SCHEMA_VERSION = 8
 
-FloatArray = NDArray[np.float64]
 Blobs = Sequence[bytes | None] | NDArray[np.object_]
 
 _SCHEMA = """

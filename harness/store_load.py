@@ -16,8 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from harness.scoring import PARAMETERS, parameter_errors, parameters_of
 from harness.store_file import FILE_NAME, Blobs, StoreError, connect, stacked, telling, unpacked
-
-FloatArray = NDArray[np.float64]
+from registration.scan import FloatArray
 
 NUMBERS = ("rotation_error_deg", "translation_error_mm", "overlap_target", "overlap_source")
 TRUTHS, ESTIMATED = ("T_exact", "T_theoretical"), "T_estimated"
@@ -44,9 +43,8 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
     Columns: id, pair, method, given, repeat, status, reason, traceback, stage, notes (a line each);
     rotation_error_deg, translation_error_mm; overlap_target, overlap_source (fractions); exact_*,
     theoretical_*, estimated_* and error_* of the six parameters (rotation_x_deg .. rotation_z_deg,
-    x_mm .. z_mm);
-    n_* counts; ms_* wall times. Of a sweep also sweep.point, the number of the point;
-    sweep.varied, which key differs from the experiment (one_at_a_time only, else ""); and
+    x_mm .. z_mm); n_* counts; ms_* wall times. Of a sweep also sweep.point, the number of the
+    point; sweep.varied, which key differs from the experiment (one_at_a_time only, else ""); and
     sweep.<key> for every swept key, its value there.
 
     arrays: also T_exact, T_theoretical, T_estimated, (4, 4) matrices, and bounds, covariance and
@@ -204,11 +202,12 @@ def _parameters(exact: FloatArray, theoretical: FloatArray, estimated: FloatArra
     """The six parameters (n, 6) of the poses, and estimated less exact; NaN where there is none."""
     values = dict(zip(KINDS, (exact, theoretical, estimated), strict=False))
     values["error"] = parameter_errors(exact, estimated)
-    names = [
-        f"{name}_{unit}" for name, unit in zip(PARAMETERS, ["deg"] * 3 + ["mm"] * 3, strict=True)
-    ]
     return pd.DataFrame(
-        {f"{kind}_{name}": values[kind][:, i] for kind in KINDS for i, name in enumerate(names)}
+        {
+            f"{kind}_{name}": values[kind][:, i]
+            for kind in KINDS
+            for i, name in enumerate(PARAMETERS)
+        }
     )
 
 

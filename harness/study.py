@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness.figures_page import Style, save
+from harness.figures_page import page_style, save
 from harness.random_schema import RandomPairsExperiment
 from harness.study_curves import curves_conclusion, curves_table, draw_errors, draw_success
 from harness.study_effects import draw_effects, effects_conclusion, effects_table
@@ -49,58 +50,40 @@ def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
     if study is None:
         raise ValueError(f"{experiment.title} has no study")
     names = study.names
+    draws: Mapping[str, Callable[[pd.DataFrame, str], Figure]]
     if study.kind == "indices" and sweep is not None:
         try:
             table = indices_table(rows, sweep, names)
         except IncompleteError as error:
             return Findings((), {}, (f"No indices yet: {error}.", "Run the rest first."))
-        frame = table.frame
-        lines = indices_conclusion(frame)
-        note = " ".join(lines)
-        figures = {
-            "indices": lambda: draw_indices(frame, note),
-            "failures": lambda: draw_failure_map(rows, frame, sweep, names, note),
+        lines = indices_conclusion(table.frame)
+        draws = {
+            "indices": draw_indices,
+            "failures": lambda frame, note: draw_failure_map(rows, frame, sweep, names, note),
         }
-        return _told((table,), figures, lines)
-    if study.kind == "curves":
+    elif study.kind == "curves":
         table = curves_table(rows, names)
-        frame = table.frame
-        lines = curves_conclusion(rows, frame)
-        note = " ".join(lines)
-        figures = {
-            "success": lambda: draw_success(frame, note),
-            "errors": lambda: draw_errors(frame, note),
-        }
-        return _told((table,), figures, lines)
-    if study.kind == "effects":
+        lines = curves_conclusion(rows, table.frame)
+        draws = {"success": draw_success, "errors": draw_errors}
+    elif study.kind == "effects":
         table = effects_table(rows)
-        frame = table.frame
-        lines = effects_conclusion(rows, frame)
-        return _told((table,), {"effects": lambda: draw_effects(frame, " ".join(lines))}, lines)
-    if study.kind == "grid":
+        lines = effects_conclusion(rows, table.frame)
+        draws = {"effects": draw_effects}
+    elif study.kind == "grid":
         table = grid_table(rows, study.profiles_per_s)
-        frame = table.frame
-        lines = grid_conclusion(rows, frame)
-        return _told((table,), {"failures": lambda: draw_grid(frame, " ".join(lines))}, lines)
-    if study.kind == "overlap":
+        lines = grid_conclusion(rows, table.frame)
+        draws = {"failures": draw_grid}
+    elif study.kind == "overlap":
         table = overlap_table(rows, experiment.overlap)
-        frame = table.frame
-        lines = overlap_conclusion(rows, frame)
-        return _told((table,), {"overlap": lambda: draw_overlap(frame, " ".join(lines))}, lines)
-    table = ranking_table(rows)
-    frame = table.frame
-    lines = ranking_conclusion(rows, frame)
-    return _told((table,), {"ranking": lambda: draw_ranking(frame, " ".join(lines))}, lines)
-
-
-def _told(
-    tables: tuple[Table, ...],
-    figures: Mapping[str, Callable[[], Figure]],
-    conclusion: tuple[str, str],
-) -> Findings:
-    """Findings whose first table tells the conclusion."""
-    first = replace(tables[0], note="\n" + "\n".join(conclusion))
-    return Findings((first, *tables[1:]), figures, conclusion)
+        lines = overlap_conclusion(rows, table.frame)
+        draws = {"overlap": draw_overlap}
+    else:
+        table = ranking_table(rows)
+        lines = ranking_conclusion(rows, table.frame)
+        draws = {"ranking": draw_ranking}
+    note = " ".join(lines)
+    figures = {name: partial(draw, table.frame, note) for name, draw in draws.items()}
+    return Findings((replace(table, note="\n" + "\n".join(lines)),), figures, lines)
 
 
 def draw_study(findings: Findings, folder: Path) -> list[Path]:
@@ -108,6 +91,6 @@ def draw_study(findings: Findings, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     files = []
     for name, draw in findings.figures.items():
-        with Style():
+        with page_style():
             files.append(save(draw(), folder / f"{FIGURE}{name}.png"))
     return files

@@ -11,13 +11,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from harness.chance import LEVEL
 from harness.figures_page import add_axes, new_figure
 from harness.looks import GREY
 from harness.study_figures import colours_of, foot_in, method_legend, ticks, with_interval
 from harness.study_numbers import (
     CUT,
     ERRORS,
-    LEVEL,
     RESAMPLES,
     RIGHT,
     beyond_chance,
@@ -26,6 +26,7 @@ from harness.study_numbers import (
     outcomes,
     record_formats,
     record_of,
+    without_unit,
 )
 from harness.sweep import short_names
 from harness.sweep_tables import PREFIX, swept_keys
@@ -104,7 +105,7 @@ def curves_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, str
     spans: list[tuple[float, int, str, Any, Any]] = []
     for name, group in own.groupby("Parameter", sort=False):
         best, worst = group.loc[group["Right"].idxmax()], group.loc[group["Right"].idxmin()]
-        spans.append((best["Right"] - worst["Right"], len(spans), _named(name), best, worst))
+        spans.append((best["Right"] - worst["Right"], len(spans), without_unit(name), best, worst))
     spans.sort(key=lambda span: -span[0])
 
     def told(end: int) -> tuple[str, list[str]]:
@@ -157,15 +158,11 @@ def _drawn_spans(rows: pd.DataFrame) -> FloatArray:
     return np.stack([np.ptp(of_key, axis=1) for of_key in each], axis=1)
 
 
-def _named(name: Any) -> str:
-    """A parameter without its unit."""
-    return str(name).partition(" (")[0]
-
-
 def _values(frame: pd.DataFrame) -> str:
     groups = frame.groupby("Parameter", sort=False)["Value"]
     return listed(
-        f"{_named(name)} {', '.join(f'{value:g}' for value in values)}" for name, values in groups
+        f"{without_unit(name)} {', '.join(f'{value:g}' for value in values)}"
+        for name, values in groups
     )
 
 
@@ -189,7 +186,7 @@ def draw_errors(frame: pd.DataFrame, note: str) -> Figure:
 
 def _page(frame: pd.DataFrame, title: str, columns: Mapping[str, str], note: str) -> Figure:
     parameters = list(frame["Parameter"].unique())
-    colours = colours_of(list(frame["Method"].unique()))
+    colours = colours_of(frame["Method"].unique())
     lines = -(-len(parameters) // COLUMNS)
     each, foot = 0.55 + 1.45 * len(columns), foot_in(note)
     figure = new_figure(title, 0.75 + each * lines + foot, note)

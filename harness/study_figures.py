@@ -1,9 +1,9 @@
-"""What the figures of studies share: colours, curves with intervals, maps of shares."""
+"""What the figures of studies and random pairs share: colours, intervals, maps of shares."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -22,7 +22,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", INK
 FAILURES = "cividis_r"  # dark is bad; told apart by the colour-blind and in grey
 
 
-def colours_of(methods: Sequence[str]) -> dict[str, str]:
+def colours_of(methods: Iterable[str]) -> dict[str, str]:
     """A colour for each method, in their order; those beyond the palette begin it again."""
     return {method: COLOURS[i % len(COLOURS)] for i, method in enumerate(methods)}
 

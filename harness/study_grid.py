@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from scipy.stats import binomtest
 
+from harness.chance import LEVEL, sign_test
 from harness.figures_page import add_axes, new_figure
 from harness.looks import INK
 from harness.study_figures import foot_in, share_map
 from harness.study_numbers import (
     CUT,
-    LEVEL,
     RIGHT,
     gained_lost,
     outcomes,
@@ -110,9 +107,8 @@ def _finer(rows: pd.DataFrame) -> str:
     change = pd.concat(changes).dropna()
     of_pair = change.groupby(level=[0, 1]).sum()
     better, worse = int((of_pair > 0).sum()), int((of_pair < 0).sum())
-    p = binomtest(better, better + worse).pvalue if better + worse else 1.0
     gained, lost = int((change > 0).sum()), int((change < 0).sum())
-    sure = "beyond chance" if p < 1.0 - LEVEL else "not beyond chance"
+    sure = "beyond chance" if sign_test(better, worse) < 1.0 - LEVEL else "not beyond chance"
     return f"gains {gained} trials and loses {lost}, {sure}"
 
 
@@ -121,7 +117,7 @@ def draw_grid(frame: pd.DataFrame, note: str) -> Figure:
     methods = list(frame["Method"].unique())
     profiles = sorted(frame["Profiles"].unique())
     steps = sorted(frame["XSTEP (mm)"].unique())
-    times = frame.set_index("Profiles")["Scan time (s)"]
+    times = dict(zip(frame["Profiles"], frame["Scan time (s)"], strict=True))
     foot, lines = foot_in(note), -(-len(methods) // 2)
     figure = new_figure(
         "Few profiles far apart, or many close together?\nShare of failures; framed: the fewest in "
@@ -137,7 +133,7 @@ def draw_grid(frame: pd.DataFrame, note: str) -> Figure:
         for record in frame[frame["Method"] == method].to_dict("records"):
             cell = steps.index(record["XSTEP (mm)"]), profiles.index(record["Profiles"])
             shares[cell], counts[cell] = 1.0 - record["Right"], record["Trials"]
-        columns = [f"{n}\n{_time(times, n):.2g} s" for n in profiles]
+        columns = [f"{n}\n{times[n]:.2g} s" for n in profiles]
         share_map(ax, shares, counts, [f"{step:g}" for step in steps], columns)
         ax.invert_yaxis()
         for c in range(len(profiles)):
@@ -150,7 +146,3 @@ def draw_grid(frame: pd.DataFrame, note: str) -> Figure:
         if column == 0:
             ax.set_ylabel("XSTEP (mm)")
     return figure
-
-
-def _time(times: Any, profiles: int) -> float:
-    return float(np.atleast_1d(times.loc[profiles])[0])

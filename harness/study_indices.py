@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from harness.chance import LEVEL
 from harness.figures_page import add_axes, new_figure
 from harness.looks import GREY
 from harness.study_figures import COLOURS, foot_in, share_map
-from harness.study_numbers import ERRORS, LEVEL, RESAMPLES, listed, outcomes
+from harness.study_numbers import ERRORS, RESAMPLES, listed, outcomes, without_unit
 from harness.sweep import point_count, salib_problem, short_names
 from harness.sweep_schema import Sweep
 from harness.sweep_tables import PREFIX
@@ -118,13 +119,13 @@ def indices_conclusion(frame: pd.DataFrame) -> tuple[str, str]:
     """What the table says of its first method, in two sentences."""
     own = frame[frame["Method"] == frame["Method"].iloc[0]]
     failure = own[own["Output"] == FAILURE]
-    idle = listed(_named(line) for _, line in failure.iterrows() if line["Total low"] <= 0.0)
+    idle = listed(map(without_unit, failure.loc[failure["Total low"] <= 0.0, "Parameter"]))
     method = own["Method"].iloc[0]
     first = f"Every point fails equally often: no parameter decides whether {method} fails."
     if failure["Total"].notna().all():
         top, alike = _top(failure)
         first = (
-            f"Whether {method} fails depends most on {_named(top)} (total index "
+            f"Whether {method} fails depends most on {without_unit(top['Parameter'])} (total index "
             f"{top['Total']:.2f} [{top['Total low']:.2f}, {top['Total high']:.2f}]; intervals that "
             f"overlap with it: {listed(alike)}); not told apart from no influence: {idle}."
         )
@@ -133,11 +134,12 @@ def indices_conclusion(frame: pd.DataFrame) -> tuple[str, str]:
         if group["Total"].notna().any():
             top, alike = _top(group)
             beside = f" [{', '.join(alike)}]" if alike else ""
-            tops.append(f"the {str(output).partition(' (')[0].lower()} on {_named(top)}{beside}")
+            parameter = without_unit(top["Parameter"])
+            tops.append(f"the {without_unit(output).lower()} on {parameter}{beside}")
     if not tops:
         return first, "The errors do not differ between points either."
     together = own[own["First high"] < own["Total low"]]["Parameter"].unique()
-    interplay = listed(str(name).partition(" (")[0] for name in together)
+    interplay = listed(map(without_unit, together))
     second = (
         f"Of the errors most depend {listed(tops)} (in brackets those that overlap); told to act "
         f"in interplay: {interplay}."
@@ -149,11 +151,8 @@ def _top(group: pd.DataFrame) -> tuple[pd.Series[Any], list[str]]:
     """The line of the largest total index, and the parameters whose intervals overlap with its."""
     ordered = group.sort_values("Total", ascending=False, kind="stable")
     top, others = ordered.iloc[0], ordered.iloc[1:]
-    return top, [_named(o) for _, o in others.iterrows() if o["Total high"] >= top["Total low"]]
-
-
-def _named(line: Any) -> str:
-    return str(line["Parameter"]).partition(" (")[0]
+    overlapping = others.loc[others["Total high"] >= top["Total low"], "Parameter"]
+    return top, [without_unit(name) for name in overlapping]
 
 
 def draw_indices(frame: pd.DataFrame, note: str) -> Figure:
@@ -185,15 +184,11 @@ def draw_indices(frame: pd.DataFrame, note: str) -> Figure:
                 ax.barh(places + shift, values, 0.32, color=tint)
                 ax.errorbar(values, places + shift, xerr=half, fmt="none", ecolor=GREY, lw=1.1)
             ax.axvline(0.0, color=GREY, lw=0.8)
-            ax.set_yticks(places, [_short(p) for p in parameters] if c == 0 else [])
+            ax.set_yticks(places, [without_unit(p) for p in parameters] if c == 0 else [])
             ax.set_title(str(output).lower() if len(methods) == 1 else f"{method}: {output}")
             ax.set_xlabel("share of the variance")
             ax.set_xlim(min(0.0, ax.get_xlim()[0]), max(1.0, ax.get_xlim()[1]))
     return figure
-
-
-def _short(parameter: Any) -> str:
-    return str(parameter).partition(" (")[0]
 
 
 def draw_failure_map(

@@ -7,24 +7,24 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
-from harness.random_groups import BoolArray, within
+from harness.chance import LEVEL, median_interval, sign_test
+from harness.row_scores import within
 from harness.scoring import COARSE, wilson_interval
-from registration.scan import FloatArray
+from registration.scan import BoolArray, FloatArray
 
 ROTATION, TRANSLATION = "Rotation error (deg)", "Translation error (mm)"
 ERRORS = {ROTATION: "rotation_cut_deg", TRANSLATION: "translation_cut_mm"}
 ERROR_FORMATS = {ROTATION: ".2f", TRANSLATION: ".1f"}
+MEDIANS = {
+    "Median rotation error (deg)": "rotation_error_deg",
+    "Median translation error (mm)": "translation_error_mm",
+}
 RESAMPLES = 1000
-LEVEL = 0.95
-RIGHT = (
-    f"Right: answered ok, within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm, "
-    "with Wilson's 95 % interval."
-)
+RIGHT = f"Right: answered ok, within {COARSE}, with Wilson's 95 % interval."
 CUT = (
-    f"Errors are means over all trials, cut at {COARSE.rotation_deg:g} deg and "
-    f"{COARSE.translation_mm:g} mm, no answer counting as that, with bootstrap 95 % intervals."
+    f"Errors are means over all trials, cut at {COARSE}, no answer counting as that, with "
+    "bootstrap 95 % intervals."
 )
 
 
@@ -48,10 +48,7 @@ def outcomes(rows: pd.DataFrame) -> pd.DataFrame:
 
 def record_of(group: pd.DataFrame) -> dict[str, Any]:
     """How many trials, the share that is right and the mean errors, each with its interval."""
-    right, count = int(group["right"].sum()), len(group)
-    low, high = wilson_interval(right, count)
-    share = right / count if count else float("nan")
-    record: dict[str, Any] = {"Trials": count, "Right": share, "Right low": low, "Right high": high}
+    record = {"Trials": len(group), **share_of("Right", group["right"])}
     for name, column in ERRORS.items():
         values = group[column].to_numpy(dtype=float)
         bounds = mean_interval(values)
@@ -59,11 +56,41 @@ def record_of(group: pd.DataFrame) -> dict[str, Any]:
     return record
 
 
+def share_of(name: str, flags: pd.Series[bool]) -> dict[str, Any]:
+    """The share of trials that have a flag, and Wilson's interval, under a name; NaN of none."""
+    count, total = int(flags.sum()), len(flags)
+    low, high = wilson_interval(count, total)
+    share = count / total if total else float("nan")
+    return {name: share, f"{name} low": low, f"{name} high": high}
+
+
 def record_formats() -> dict[str, str]:
     """How the columns of record_of are printed."""
     formats = {"Trials": "d"}
     for column, form in {"Right": ".0%", **ERROR_FORMATS}.items():
         formats |= dict.fromkeys((column, f"{column} low", f"{column} high"), form)
+    return formats
+
+
+def medians_of(right: pd.DataFrame) -> dict[str, float]:
+    """Median errors of the rows that are right, and their intervals by order statistics.
+
+    NaN where there are too few.
+    """
+    record = {}
+    for name, column in MEDIANS.items():
+        values = right[column].to_numpy(dtype=float)
+        low, high = median_interval(values) or (np.nan, np.nan)
+        record[name] = float(np.median(values)) if len(values) else np.nan
+        record |= {f"{name} low": low, f"{name} high": high}
+    return record
+
+
+def median_formats() -> dict[str, str]:
+    """How the columns of medians_of are printed."""
+    formats: dict[str, str] = {}
+    for name, form in zip(MEDIANS, (".3f", ".2f"), strict=True):
+        formats |= dict.fromkeys((name, f"{name} low", f"{name} high"), form)
     return formats
 
 
@@ -84,25 +111,21 @@ def paired(ours: pd.DataFrame, theirs: pd.DataFrame, columns: Sequence[str]) -> 
 
 
 def gained_lost(ours: pd.DataFrame, theirs: pd.DataFrame) -> tuple[int, int, float]:
-    """Pairs that only ours, or only theirs, has right; the chance of so uneven a split.
-
-    An exact sign test: 1.0 where there is no difference.
-    """
+    """Pairs that only ours, or only theirs, has right; the chance of so uneven a split."""
     (right,) = paired(ours, theirs, ["right"])
     gained = int((right[:, 0] > right[:, 1]).sum())
     lost = int((right[:, 0] < right[:, 1]).sum())
-    p = float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
-    return gained, lost, p
+    return gained, lost, sign_test(gained, lost)
 
 
 def smaller_p(ours: pd.DataFrame, theirs: pd.DataFrame, column: str) -> float:
     """The chance of so uneven a split of the pairs on which ours or theirs has less of a column.
 
-    An exact sign test over the pairs that both have right: 1.0 where there are none.
+    Over the pairs that both have right.
     """
     (both,) = paired(ours[ours["right"]], theirs[theirs["right"]], [column])
     less, more = int((both[:, 0] < both[:, 1]).sum()), int((both[:, 0] > both[:, 1]).sum())
-    return float(binomtest(less, less + more).pvalue) if less + more else 1.0
+    return sign_test(less, more)
 
 
 def beyond_chance(p_values: Sequence[float], level: float = 1.0 - LEVEL) -> BoolArray:
@@ -114,6 +137,11 @@ def beyond_chance(p_values: Sequence[float], level: float = 1.0 - LEVEL) -> Bool
     held = np.zeros(len(p), dtype=bool)
     held[order[:first_failed]] = True
     return held
+
+
+def without_unit(name: object) -> str:
+    """What a parameter or an error is called, its unit in brackets left out."""
+    return str(name).partition(" (")[0]
 
 
 def listed(names: Iterable[str]) -> str:

@@ -6,22 +6,18 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from scipy.stats import spearmanr
 
+from harness.chance import LEVEL
 from harness.figures_page import add_axes, new_figure
 from harness.random_groups import with_family
-from harness.scoring import wilson_interval
 from harness.study_figures import colours_of, foot_in, logarithmic, method_legend, with_interval
-from harness.study_numbers import LEVEL, RIGHT, outcomes
+from harness.study_numbers import MEDIANS, RIGHT, median_formats, medians_of, outcomes, share_of
 from harness.table_files import Table
-from harness.variants import median_interval
 
 ENOUGH = 0.9  # share right from which on the overlap is said to be enough
-MEDIANS = {"Median rotation error (deg)": "rotation_error_deg",
-           "Median translation error (mm)": "translation_error_mm"}  # fmt: skip
 ALL = "all"
 
 
@@ -44,8 +40,6 @@ def overlap_table(rows: pd.DataFrame, edges: Sequence[float]) -> Table:
                     | _record(group)
                 )
     formats = dict.fromkeys(("From", "To", "Right", "Right low", "Right high"), ".0%")
-    for name, form in zip(MEDIANS, (".3f", ".2f"), strict=True):
-        formats |= dict.fromkeys((name, f"{name} low", f"{name} high"), form)
     return Table(
         "study_overlap",
         "Accuracy against overlap",
@@ -53,7 +47,7 @@ def overlap_table(rows: pd.DataFrame, edges: Sequence[float]) -> Table:
         "Medians are over the right ones, with their 95 % interval by order statistics where there "
         "are 6 or more.",
         pd.DataFrame(records),
-        formats | {"Mean overlap": ".0%", "Pairs": "d"},
+        formats | median_formats() | {"Mean overlap": ".0%", "Pairs": "d"},
     )
 
 
@@ -74,16 +68,8 @@ def ranges(
 
 
 def _record(group: pd.DataFrame) -> dict[str, Any]:
-    right = group[group["right"]]
-    low, high = wilson_interval(len(right), len(group))
-    record: dict[str, Any] = {"Pairs": len(group), "Right": len(right) / len(group)}
-    record |= {"Right low": low, "Right high": high}
-    for name, column in MEDIANS.items():
-        values = right[column].to_numpy(dtype=float)
-        bounds = median_interval(values) or (np.nan, np.nan)
-        record |= {name: float(np.median(values)) if len(values) else np.nan}
-        record |= {f"{name} low": bounds[0], f"{name} high": bounds[1]}
-    return record
+    shares = share_of("Right", group["right"])
+    return {"Pairs": len(group), **shares, **medians_of(group[group["right"]])}
 
 
 def overlap_conclusion(rows: pd.DataFrame, frame: pd.DataFrame) -> tuple[str, str]:
@@ -126,7 +112,7 @@ def _trend(right: pd.DataFrame) -> str:
 def draw_overlap(frame: pd.DataFrame, note: str) -> Figure:
     """Success and errors against overlap, a row of panels a family; frame: that of the table."""
     families = list(frame["Scenes"].unique())
-    colours = colours_of(list(frame["Method"].unique()))
+    colours = colours_of(frame["Method"].unique())
     foot = foot_in(note)
     figure = new_figure(
         "How much overlap does a method need?\nBy range of overlap, with 95 % intervals; errors "

@@ -8,21 +8,24 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from harness.chance import LEVEL
 from harness.figures_page import add_axes, new_figure
 from harness.looks import GREY
-from harness.random_groups import with_family, within
-from harness.scoring import COARSE, FINE, wilson_interval
+from harness.random_groups import with_family
+from harness.row_scores import within
+from harness.scoring import COARSE, FINE
 from harness.study_figures import COLOURS, foot_in, logarithmic, share_map
-from harness.study_numbers import LEVEL, gained_lost, listed, outcomes, smaller_p
+from harness.study_numbers import (
+    gained_lost,
+    listed,
+    median_formats,
+    medians_of,
+    outcomes,
+    share_of,
+    smaller_p,
+)
 from harness.table_files import Table
-from harness.variants import median_interval
 
-COARSE_TEXT = f"within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm"
-FINE_TEXT = f"within {FINE.rotation_deg:g} deg and {FINE.translation_mm:g} mm"
-MEDIANS = {
-    "Median rotation error (deg)": "rotation_error_deg",
-    "Median translation error (mm)": "translation_error_mm",
-}
 TIME = "Median time (ms)"
 COMPARED = 0.5  # share right that a method needs for its exactness and speed to be compared
 
@@ -38,16 +41,9 @@ def ranking_table(rows: pd.DataFrame) -> Table:
     for method, group in known.groupby("method", sort=False):
         right = group[group["right"]]
         record: dict[str, Any] = {"Method": method, "Pairs": len(group)}
-        for name, column in (("Right", "right"), ("Fine", "fine")):
-            count = int(group[column].sum())
-            low, high = wilson_interval(count, len(group))
-            record |= {name: count / len(group), f"{name} low": low, f"{name} high": high}
+        record |= share_of("Right", group["right"]) | share_of("Fine", group["fine"])
         record["Wrong, marked ok"] = int((group["status"] == "ok").sum()) - len(right)
-        for name, column in MEDIANS.items():
-            values = right[column].to_numpy(dtype=float)
-            bounds = median_interval(values) or (np.nan, np.nan)
-            record[name] = float(np.median(values)) if len(values) else np.nan
-            record |= {f"{name} low": bounds[0], f"{name} high": bounds[1]}
+        record |= medians_of(right)
         record[TIME] = float(group["ms_registration"].median())
         for family, of_family in group.groupby("family", sort=False):
             record[f"Right on {family}"] = float(of_family["right"].mean())
@@ -58,16 +54,14 @@ def ranking_table(rows: pd.DataFrame) -> Table:
     for column in frame.columns:
         if str(column).startswith(("Right", "Fine")):
             formats[str(column)] = ".0%"
-    for name, form in zip(MEDIANS, (".3f", ".2f"), strict=True):
-        formats |= dict.fromkeys((name, f"{name} low", f"{name} high"), form)
     return Table(
         "study_ranking",
         "Every method side by side",
-        f"Right: answered ok {COARSE_TEXT}; fine: {FINE_TEXT}; with Wilson's 95 % intervals. "
+        f"Right: answered ok within {COARSE}; fine: within {FINE}; with Wilson's 95 % intervals. "
         "Medians of errors are over the right ones, with intervals by order statistics; that of "
         "the time of a registration is over all, with as many processes as the command was given.",
         frame.reset_index(drop=True),
-        formats,
+        formats | median_formats(),
     )
 
 
@@ -117,8 +111,8 @@ def draw_ranking(frame: pd.DataFrame, note: str) -> Figure:
     families = [str(c).removeprefix("Right on ") for c in frame.columns if "Right on" in str(c)]
     tall = 0.3 + 0.32 * len(methods)
     figure = new_figure(
-        f"Which method is best?\nShare right with 95 % interval: light {COARSE_TEXT}, dark "
-        f"{FINE_TEXT}",
+        f"Which method is best?\nShare right with 95 % interval: light within {COARSE}, dark "
+        f"within {FINE}",
         1.45 + tall + foot,
         note,
     )

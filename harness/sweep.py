@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from harness.lazy import Lazy
 from harness.sweep_schema import LISTING, AnyOf, Between, Named, Normal, Range, Sweep
+from registration.scan import FloatArray
 
-FloatArray = NDArray[np.float64]
 Entries = Sequence[tuple[Any, Any]]  # values, each with what a table calls it
 
 MOST_POINTS = 1_000_000

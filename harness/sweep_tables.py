@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from harness.random_groups import within
+from harness.row_scores import within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.sweep import short_names
 from harness.table_files import Table
@@ -41,8 +40,8 @@ def sweep_table(rows: pd.DataFrame) -> Table:
             low, high = wilson_interval(int(group[name].sum()), len(group))
             record |= {name.title(): group[name].mean(), f"{name} low": low, f"{name} high": high}
         good = group[group["coarse"]]
-        record["Rotation error (deg)"] = _median(good["rotation_error_deg"])
-        record["Translation error (mm)"] = _median(good["translation_error_mm"])
+        record["Rotation error (deg)"] = float(good["rotation_error_deg"].median())
+        record["Translation error (mm)"] = float(good["translation_error_mm"].median())
         record["Errors"] = int((group["status"] == "error").sum())
         records.append(record)
     frame = pd.DataFrame(records)
@@ -58,13 +57,8 @@ def sweep_table(rows: pd.DataFrame) -> Table:
     return Table(
         "sweep",
         "All points of the sweep",
-        f"Fine: answered within {FINE.rotation_deg:g} deg and {FINE.translation_mm:g} mm; coarse: "
-        f"within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm; shares of all "
-        "trials, with the ends of Wilson's 95 % interval. Errors are medians over the coarse.",
+        f"Fine: answered within {FINE}; coarse: within {COARSE}; shares of all trials, with the "
+        "ends of Wilson's 95 % interval. Errors are medians over the coarse.",
         frame,
         formats,
     )
-
-
-def _median(values: pd.Series[float]) -> float:
-    return float(np.median(values)) if len(values) else float("nan")

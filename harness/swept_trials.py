@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from harness.config import checked_experiment
+from harness.config import AnyExperiment, checked_experiment
 from harness.config_errors import ConfigError, Key
 from harness.overrides import key_path, looked_up, replaced
 from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
 from harness.recent import Recent
-from harness.schema import Experiment
 from harness.sweep import MOST_POINTS, Point, point_count, shown_value, sweep_points
 from harness.sweep_schema import Named, Sweep
 from harness.trials import Trial, Trials, build_trials
@@ -151,7 +150,7 @@ class _Builder:
             return build_random_trials(experiment, self._file, self._pieces)
         return build_trials(experiment, self._file, self._pieces)
 
-    def _experiment(self, data: dict[str, Any]) -> Experiment | RandomPairsExperiment:
+    def _experiment(self, data: dict[str, Any]) -> AnyExperiment:
         """The checked configuration; its outline without any parameters is checked once only."""
         sections = _with_params(data)
         params = {path: looked_up(data, path) for path in sections}
@@ -165,7 +164,7 @@ class _Builder:
         except (TypeError, ValueError):
             return checked_experiment(data, self._file)
         experiment = self._outlines.get(text, lambda: checked_experiment(outline, self._file))
-        filled: Experiment | RandomPairsExperiment = _filled(experiment, params)
+        filled: AnyExperiment = _filled(experiment, params)
         return filled
 
 

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harness.chance import rate
 from harness.face_gaps import FaceGaps, gaps_in_words
 from harness.multiview import loop_tables
 from harness.notes import with_notes
 from harness.pair_tables import pair_tables, thesis_values
+from harness.row_scores import ERRORS, error_quantiles, within
 from harness.schema import Experiment, Pair
-from harness.scoring import COARSE, FINE, PoseError, Tolerance, is_success, wilson_interval
+from harness.scoring import COARSE, FINE
 from harness.table_files import Table
 from harness.view_tables import compaction_table
 
@@ -56,12 +58,10 @@ def success_table(rows: pd.DataFrame) -> Table:
         record: dict[str, Any] = {"Pair": pair, "Method": method, "Trials": len(group)}
         answered = group["status"] == "ok"
         record["Answered"] = int(answered.sum())
-        record[WRONG] = int((answered & ~_successes(group, COARSE)).sum())
+        record[WRONG] = int((answered & ~within(group, COARSE)).sum())
         for tolerance in (COARSE, FINE):
-            successes = int(_successes(group, tolerance).sum())
-            low, high = wilson_interval(successes, len(group))
-            column = f"Within {tolerance.rotation_deg:g} deg and {tolerance.translation_mm:g} mm"
-            record[column] = f"{successes}/{len(group)} [{low:.0%}, {high:.0%}]"
+            successes = int(within(group, tolerance).sum())
+            record[f"Within {tolerance}"] = rate(successes, len(group))
         records.append(record)
     return Table(
         "success",
@@ -79,33 +79,19 @@ def accuracy_table(rows: pd.DataFrame) -> Table:
     """Quantiles of the errors, over the successes and over all trials."""
     records = []
     for (pair, method), group in rows.groupby(["pair", "method"], sort=False):
-        errors = group[["rotation_error_deg", "translation_error_mm"]].astype(np.float64)
+        errors = group[list(ERRORS)].astype(np.float64)
         for over, chosen in (
-            ("successes", errors[_successes(group, COARSE)]),
+            ("successes", errors[within(group, COARSE)]),
             ("all trials", errors.fillna(np.inf)),
         ):
-            record: dict[str, Any] = {
-                "Pair": pair,
-                "Method": method,
-                "Over": over,
-                "n": len(chosen),
-            }
-            for column, unit in (("rotation_error_deg", "deg"), ("translation_error_mm", "mm")):
-                kind = column.split("_")[0]
-                for name, q in (("median", 0.5), ("90 %", 0.9)):
-                    values = chosen[column].to_numpy()
-                    # An observed value, not one between two: half of infinity means nothing.
-                    record[f"{kind} {name} ({unit})".capitalize()] = (
-                        float(np.quantile(values, q, method="higher")) if len(values) else np.nan
-                    )
-            records.append(record)
+            record = {"Pair": pair, "Method": method, "Over": over, "n": len(chosen)}
+            records.append(record | error_quantiles(chosen))
     frame = pd.DataFrame(records)
     return Table(
         "accuracy",
         "Errors",
-        "Angle and length of the error, median and 90 % quantile. A success is within "
-        f"{COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm; over all trials, one "
-        "without an estimate counts as infinite and prints as none.",
+        f"Angle and length of the error, median and 90 % quantile. A success is within {COARSE}; "
+        "over all trials, one without an estimate counts as infinite and prints as none.",
         frame,
         {"n": "d"} | dict.fromkeys(frame.columns[4:], ".2f"),
         in_full=True,
@@ -175,7 +161,7 @@ def _why(experiment: Experiment, pair: Pair, rows: pd.DataFrame, gaps: FaceGaps 
 
 def failure_table(rows: pd.DataFrame) -> Table:
     """Every trial without a success, each to be replayed by its id."""
-    failed = rows[~_successes(rows, COARSE)]
+    failed = rows[~within(rows, COARSE)]
     records = [
         {
             "Trial": row["id"],
@@ -216,14 +202,3 @@ def timing_table(rows: pd.DataFrame) -> Table:
         frame,
         dict.fromkeys(frame.columns[1:], ".1f"),
     )
-
-
-def _successes(rows: pd.DataFrame, tolerance: Tolerance) -> pd.Series[bool]:
-    """Which rows are answered and within the tolerance."""
-    flags = [
-        status == "ok" and is_success(PoseError(float(np.deg2rad(angle)), float(length)), tolerance)
-        for status, angle, length in zip(
-            rows["status"], rows["rotation_error_deg"], rows["translation_error_mm"], strict=True
-        )
-    ]
-    return pd.Series(flags, index=rows.index, dtype=bool)

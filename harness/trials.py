@@ -80,12 +80,21 @@ class TrialSpec:
 
     def view_rng(self, view: ViewSpec) -> np.random.Generator:
         """The random numbers of a view's scan, keyed by its coordinates and nothing else."""
-        digest = hashlib.sha256(self.view_key(view).encode()).digest()
-        return np.random.default_rng(np.random.SeedSequence(int.from_bytes(digest)))
+        return keyed_rng(self.view_key(view))
 
     def path(self, view: ViewSpec) -> ViewPath:
         """The viewing line of one of the trial's views."""
         return view.path(self.profiles, self.step_mm)
+
+    @property
+    def paths(self) -> tuple[ViewPath, ViewPath]:
+        """The viewing lines of target and source."""
+        return self.path(self.target), self.path(self.source)
+
+
+def keyed_rng(key: str) -> np.random.Generator:
+    """The random numbers of a key, whatever else is drawn before or beside."""
+    return np.random.default_rng(int.from_bytes(hashlib.sha256(key.encode()).digest()))
 
 
 class Spec(Protocol):
@@ -173,7 +182,7 @@ def build_trials(experiment: Experiment, file: Path, kept: Recent | None = None)
     methods = chosen_methods(experiment.methods, file, kept)
     scan, views = experiment.scan, _views(experiment, file, kept)
     combinations = [
-        (name, pair, choice.label or choice.name, method, given)
+        (name, pair, choice.called, method, given)
         for name, pair in experiment.pairs.items()
         for choice, method in zip(experiment.methods, methods, strict=True)
         for given in ("", *choice.given)

@@ -7,16 +7,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binom, binomtest
 
-from harness.random_groups import with_family, within
+from harness.chance import FEWEST, LEVEL, median_interval, median_text, rate, sign_test
+from harness.random_groups import with_family
+from harness.row_scores import within
 from harness.schema import MethodChoice
-from harness.scoring import COARSE, wilson_interval
+from harness.scoring import COARSE
 from harness.table_files import Table
-from registration.scan import FloatArray
 
-LEVEL = 0.95
-FEWEST = 6  # pairs of trials below which a median has no interval at that level
 RATIOS = (
     ("Rotation error", "rotation_error_deg"),
     ("Translation error", "translation_error_mm"),
@@ -34,7 +32,7 @@ def variant_tables(
     whole = rows[rows["given"] == ""]
     tables = []
     for name in dict.fromkeys(method.name for method in methods):
-        labels = [m.label or m.name for m in methods if m.name == name]
+        labels = [m.called for m in methods if m.name == name]
         if len(labels) > 1:
             tables.append(_variant_table(name, labels, whole[whole["method"].isin(labels)], random))
     return tables
@@ -50,12 +48,11 @@ def _variant_table(name: str, labels: list[str], rows: pd.DataFrame, random: boo
     return Table(
         f"variants_{name}",
         f"Method {name}: variants beside {labels[0]}",
-        f"Right: of status ok, within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} "
-        f"mm, with Wilson's 95 % interval. Gained, lost: trials on the same scans that only this "
-        f"variant, or only {labels[0]}, got right; p: chance of so uneven a split if both were "
-        "alike (exact sign test). Ratios to the plain form on the trials that both got right, "
-        "times on all: median and its 95 % interval, free of any assumption about their "
-        f"distribution, where there are {FEWEST} or more.",
+        f"Right: of status ok, within {COARSE}, with Wilson's 95 % interval. Gained, lost: trials "
+        f"on the same scans that only this variant, or only {labels[0]}, got right; p: chance of "
+        "so uneven a split if both were alike (exact sign test). Ratios to the plain form on the "
+        "trials that both got right, times on all: median and its 95 % interval, free of any "
+        f"assumption about their distribution, where there are {FEWEST} or more.",
         frame.drop(columns=["variant", "over", *(f"bounds_{c}" for _, c in RATIOS)]),
         {"Trials": "d", "Gained": ".0f", "Lost": ".0f", "p": ".2g", "Both right": "d"},
         note=_conclusion(frame, labels),
@@ -80,49 +77,24 @@ def _record(rows: pd.DataFrame, label: str, plain: str) -> dict[str, Any]:
     theirs = theirs.loc[ours.index]
     right, before = within(ours, COARSE), within(theirs, COARSE)
     gained, lost = int((right & ~before).sum()), int((~right & before).sum())
-    low, high = wilson_interval(int(right.sum()), len(ours))
     record: dict[str, Any] = {
         "variant": label,
         "over": gained - lost,
         "Method": label,
         "Trials": len(ours),
-        "Right": f"{int(right.sum())}/{len(ours)} [{low:.0%}, {high:.0%}]",
+        "Right": rate(int(right.sum()), len(ours)),
     }
     record |= {"Gained": np.nan, "Lost": np.nan, "p": np.nan}
     if label != plain:
-        p = binomtest(gained, gained + lost).pvalue if gained + lost else 1.0
-        record |= {"Gained": gained, "Lost": lost, "p": float(p)}
+        record |= {"Gained": gained, "Lost": lost, "p": sign_test(gained, lost)}
     record["Both right"] = int((right & before).sum())
     for title, column in RATIOS:
         taken = right & before if title != "Time" else np.ones(len(ours), dtype=bool)
         top, base = ours.loc[taken, column], theirs.loc[taken, column]
         ratio = (top.astype(float) / base.astype(float)).dropna().to_numpy()
-        bounds = median_interval(ratio)
-        record[f"{title}, ratio"] = "" if label == plain else _printed(ratio, bounds)
-        record[f"bounds_{column}"] = bounds
+        record[f"{title}, ratio"] = "" if label == plain else median_text(ratio)
+        record[f"bounds_{column}"] = median_interval(ratio)
     return record
-
-
-def median_interval(values: FloatArray) -> tuple[float, float] | None:
-    """The interval of a median by order statistics, or None of too few values.
-
-    Between the values of ranks k and n + 1 - k, where k - 1 is the largest number of heads that n
-    tosses stay below with at most half of 1 - LEVEL.
-    """
-    n = len(values)
-    if n < FEWEST:
-        return None
-    k = int(binom.ppf((1.0 - LEVEL) / 2.0, n, 0.5))
-    k = k if binom.cdf(k - 1, n, 0.5) <= (1.0 - LEVEL) / 2.0 else k - 1
-    ordered = np.sort(values)
-    return float(ordered[k - 1]), float(ordered[n - k])
-
-
-def _printed(ratio: FloatArray, bounds: tuple[float, float] | None) -> str:
-    if not len(ratio):
-        return ""
-    text = f"{np.median(ratio):.2f}"
-    return text if bounds is None else f"{text} [{bounds[0]:.2f}, {bounds[1]:.2f}]"
 
 
 def _conclusion(frame: pd.DataFrame, labels: list[str]) -> str:

@@ -127,9 +127,19 @@ def _render(scene: Scene, camera: Camera, samples: int = 2) -> NDArray[np.uint8]
         points_m = camera.origin_m + distance[0, :, None] * rays[0]
         image[rows] = _shade(scene, camera, points_m, met[0]).reshape(-1, width, 3)
         surface[rows] = met[0].reshape(-1, width)
-    edge = np.zeros(surface.shape, dtype=bool)
-    edge[1:] |= surface[1:] != surface[:-1]
-    edge[:, 1:] |= surface[:, 1:] != surface[:, :-1]
+    return inked(image, surface, camera, samples)
+
+
+def inked(
+    image: FloatArray, part: NDArray[np.int64], camera: Camera, samples: int
+) -> NDArray[np.uint8]:
+    """A picture (height, width, 3) with lines where parts meet, from one samples times as large.
+
+    image: colours from 0 to 1, which is drawn into. part: what is seen at each of its pixels.
+    """
+    edge = np.zeros(part.shape, dtype=bool)
+    edge[1:] |= part[1:] != part[:-1]
+    edge[:, 1:] |= part[:, 1:] != part[:, :-1]
     image[edge] = 0.35 * image[edge] + 0.65 * INK
     image = image.reshape(camera.height_px, samples, camera.width_px, samples, 3).mean(axis=(1, 3))
     pixels: NDArray[np.uint8] = np.rint(255.0 * image).astype(np.uint8)
@@ -184,13 +194,18 @@ def _draw_view(
     )
 
 
+def points_along(line_m: FloatArray, samples: int) -> FloatArray:
+    """(n, 3) points along a polyline (k, 3), so many to each of its parts, and its end."""
+    shares = np.linspace(0.0, len(line_m) - 1.0, samples * (len(line_m) - 1) + 1)
+    knots = np.arange(len(line_m))
+    return np.stack([np.interp(shares, knots, axis) for axis in line_m.T], axis=1)
+
+
 def _projected(
     scene: Scene, camera: Camera, line_m: FloatArray, samples: int = 120
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Points along a polyline in the image, and whether the scene hides each."""
-    shares = np.linspace(0.0, len(line_m) - 1.0, samples * (len(line_m) - 1) + 1)
-    knots = np.arange(len(line_m))
-    points_m = np.stack([np.interp(shares, knots, axis) for axis in line_m.T], axis=1)
+    points_m = points_along(line_m, samples)
     rays = points_m - camera.origin_m
     distance, _ = cast_fans(scene, camera.origin_m[None], rays[None])
     return camera.pixels(points_m), distance[0] < 1.0 - 1e-6

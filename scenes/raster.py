@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.picture import INK, SKY, Camera
+from scenes.picture import SKY, Camera, inked
 from scenes.scene import FloatArray, IntArray
 
 SAMPLES = 2  # along each side of a pixel
@@ -91,15 +91,8 @@ def draw(polygons: Polygons, camera: Camera) -> Shot:
     light = 0.62 + 0.38 * np.clip(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
     palette = np.concatenate([np.clip(polygons.rgb * light[:, None], 0.0, 1.0), SKY[None]])
     body = np.append(polygons.body, -1)[face]
-    image = palette[face]
-    edge = np.zeros(body.shape, dtype=bool)
-    edge[1:] |= body[1:] != body[:-1]
-    edge[:, 1:] |= body[:, 1:] != body[:, :-1]
-    image[edge] = 0.35 * image[edge] + 0.65 * INK
     blocks = (camera.height_px, SAMPLES, camera.width_px, SAMPLES)
-    pixels: NDArray[np.uint8] = np.rint(255.0 * image.reshape(*blocks, 3).mean(axis=(1, 3))).astype(
-        np.uint8
-    )
+    pixels = inked(palette[face], body, camera, SAMPLES)
     return Shot(pixels, depth.reshape(blocks).min(axis=(1, 3)))
 
 

@@ -9,8 +9,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from registration.scan import FloatArray
 from sensors import f3
-from sensors.f3 import FloatArray
 from sensors.paths import ALONG_X, LineError, ViewPath, straight_line
 
 TOOL_CENTRE_POINT = RigidTransform.from_translation([0.0, 0.0, 210.0])

@@ -72,20 +72,20 @@ def spacings_mm(scan: Scan) -> FloatArray:
 
     NaN where a pixel was never measured.
     """
-    y_mm = scan.points_mm[..., 1]
-    valid = np.isfinite(y_mm)
-    count = valid.sum(axis=0)
-    mean = np.where(valid, y_mm, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
-    spacing: FloatArray = np.diff(mean)
+    spacing: FloatArray = np.diff(mean_over_profiles(scan.points_mm[..., 1]))
     return spacing
 
 
 def mean_depths_mm(scan: Scan) -> FloatArray:
     """(pixels,) depth of each beam, mean over the profiles; NaN where there is none."""
-    z_mm = scan.points_mm[..., 2]
-    valid = np.isfinite(z_mm)
+    return mean_over_profiles(scan.points_mm[..., 2])
+
+
+def mean_over_profiles(values: FloatArray) -> FloatArray:
+    """(pixels,) mean of what is finite of (profiles, pixels), NaN where nothing is."""
+    valid = np.isfinite(values)
     count = valid.sum(axis=0)
-    mean: FloatArray = np.where(valid, z_mm, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
+    mean: FloatArray = np.where(valid, values, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
     return mean
 
 

@@ -8,7 +8,6 @@ All functions see a view as depths from the apex, where the beams of a profile m
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from registration.scan import BoolArray, FloatArray, IntArray
 from scenes.rays import cast_rays
@@ -122,9 +121,7 @@ def mixed(
     """
     step_mm = np.diff(reach_mm, axis=1)
     edge = rng.random(step_mm.shape)  # 0 at the beam before, 1 at the beam after
-    cut: NDArray[np.bool_] = (np.abs(step_mm) < largest_step_mm) & (
-        surface[:, 1:] != surface[:, :-1]
-    )
+    cut: BoolArray = (np.abs(step_mm) < largest_step_mm) & (surface[:, 1:] != surface[:, :-1])
     blended = reach_mm.copy()
     before = cut & (edge < spot_pixels)
     share = 0.5 * (1.0 - edge[before] / spot_pixels)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-FloatArray = NDArray[np.float64]
+from registration.scan import BoolArray, FloatArray
 
 JOINTS = ("track", "joint 1", "joint 2", "joint 3", "joint 4", "joint 5", "joint 6")
 D1_MM, A1_MM, A2_MM, D4_MM, D6_MM = 350.0, 100.0, 265.0, 270.0, 75.0
@@ -197,7 +197,7 @@ def _unwrapped(angle_rad: FloatArray, period_rad: float, about_rad: float) -> Fl
     return shifted
 
 
-def _filled(values: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
+def _filled(values: FloatArray, known: BoolArray) -> FloatArray:
     """Replace what is not known along the last axis by the last known value, else the first, or 0.
 
     Both have shape (..., n).

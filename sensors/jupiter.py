@@ -11,7 +11,7 @@ from registration.scan import BoolArray, FloatArray, IntArray, Scan
 from scenes.rays import cast_fans, ray_target
 from scenes.scene import Scene
 from sensors import edges, light, noise
-from sensors.calibration import FanGeometry, fan_of_field, ray_slopes
+from sensors.calibration import FanGeometry, fan_of_field
 from sensors.noise import NoiseParams
 from sensors.paths import ViewPath
 from sensors.sensor import Hits
@@ -63,6 +63,11 @@ class JupiterParams:
         """Where the rays of a profile run."""
         widths_mm = self.near_width_mm, self.far_width_mm
         return fan_of_field(self.near_mm, self.far_mm, *widths_mm, self.widening)
+
+    @property
+    def slopes(self) -> FloatArray:
+        """(pixels,) Y over depth from the apex along each ray, wider apart towards the edges."""
+        return self.fan.slopes(self.pixels)
 
     @property
     def edge_slope(self) -> float:
@@ -140,7 +145,7 @@ class Jupiter:
         """
         params = self.params.noise
         streams = noise.random_streams(rng)
-        slopes = lateral_slopes(self.params)
+        slopes = self.params.slopes
         reach_mm, surface = self._cast(scene, path)
         matrix = path.T_world_profile.rotation.as_matrix()
         optics = light.surface_optics(scene)
@@ -190,7 +195,7 @@ class Jupiter:
 
     def _cast(self, scene: Scene, path: ViewPath) -> tuple[FloatArray, IntArray]:
         """Depth from the apex (profiles, pixels) in mm, NaN where nothing is met, and surface."""
-        slopes = lateral_slopes(self.params)
+        slopes = self.params.slopes
         fan = np.stack([np.zeros_like(slopes), slopes, np.ones_like(slopes)], axis=1)
         # A ray that advances one unit in depth is (0, slope, 1): distances come out as depths.
         directions = fan @ path.T_world_profile.rotation.as_matrix().transpose(0, 2, 1)
@@ -203,7 +208,7 @@ class Jupiter:
 
         matrix: (profiles, 3, 3) rotations of the profiles.
         """
-        slopes = lateral_slopes(self.params)
+        slopes = self.params.slopes
         # Y and Z of every surface's normal in every profile's frame: few, beside the beams.
         normals = np.einsum("si,kij->ksj", ray_target(scene).normal, matrix[:, :, 1:])
         y, z = (np.take_along_axis(normals[:, :, i], surface, axis=1) for i in (0, 1))
@@ -219,12 +224,7 @@ class Jupiter:
     def _points(self, reach_mm: FloatArray) -> FloatArray:
         """Points (profiles, pixels, 3) that far along each ray, each in its profile's frame."""
         points_mm = np.zeros((*reach_mm.shape, 3))
-        points_mm[..., 1] = lateral_slopes(self.params) * reach_mm
+        points_mm[..., 1] = self.params.slopes * reach_mm
         points_mm[..., 2] = reach_mm - self.params.apex_depth_mm
         points_mm[np.isnan(reach_mm)] = np.nan
         return points_mm
-
-
-def lateral_slopes(params: JupiterParams) -> FloatArray:
-    """(pixels,) Y over depth from the apex along each ray, wider apart towards the edges."""
-    return ray_slopes(params.edge_slope, params.widening, params.pixels)

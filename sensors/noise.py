@@ -6,9 +6,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from registration.scan import FloatArray
+from registration.scan import BoolArray, FloatArray
 from sensors.calibration import FAR_MM, NEAR_MM
 
 # One stream of random numbers each, so that switching one effect off leaves the others as they are.
@@ -242,11 +241,9 @@ def quantised_mm(depth_mm: FloatArray, slopes: FloatArray, params: NoiseParams) 
     return depth
 
 
-def too_faint(
-    signal: FloatArray, cos_incidence: FloatArray, params: NoiseParams
-) -> NDArray[np.bool_]:
+def too_faint(signal: FloatArray, cos_incidence: FloatArray, params: NoiseParams) -> BoolArray:
     """Where a point is lost: grazing incidence, or less light than the threshold."""
-    lost: NDArray[np.bool_] = (signal < params.threshold) | (
+    lost: BoolArray = (signal < params.threshold) | (
         cos_incidence < np.cos(np.radians(params.grazing_deg))
     )
     return lost

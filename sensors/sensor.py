@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from registration.scan import BoolArray, FloatArray, IntArray, Scan
 from scenes.scene import Scene
@@ -30,7 +29,7 @@ class Hits:
     origins_mm: FloatArray
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> BoolArray:
         """(profiles, pixels) True where something returns."""
         return self.surface >= 0
 

@@ -7,7 +7,7 @@ import numpy as np
 from registration.scan import FloatArray
 from scenes.scene import Scene
 from sensors import light, noise
-from sensors.jupiter import Jupiter, lateral_slopes
+from sensors.jupiter import Jupiter
 from sensors.sensor import Hits, Sensor
 
 
@@ -24,7 +24,7 @@ def depth_variance_mm2(sensor: Sensor, scene: Scene, hits: Hits) -> FloatArray |
     if not isinstance(sensor, Jupiter):
         return None
     params = sensor.params.noise
-    slopes = lateral_slopes(sensor.params)
+    slopes = sensor.params.slopes
     depth_mm = hits.points_mm[..., 2]
     optics = light.surface_optics(scene)
     variance = np.where(hits.valid, 0.0, np.nan)

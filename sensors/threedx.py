@@ -23,7 +23,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from registration.scan import FloatArray, Scan
+from registration.scan import BoolArray, FloatArray, Scan
 from sensors.threedx_layout import (
     MAGIC,
     NARROW,
@@ -232,7 +232,7 @@ def from_scan(scan: Scan, like: RawProfiles | None = None) -> RawProfiles:
     return RawProfiles(y_raw, z_raw, brightness, np.zeros(profiles, np.uint8))
 
 
-def _tenths(offset: int, values_mm: FloatArray, valid: NDArray[np.bool_], axis: str) -> Shorts:
+def _tenths(offset: int, values_mm: FloatArray, valid: BoolArray, axis: str) -> Shorts:
     raw = offset - np.rint(np.where(valid, values_mm, 0.0) * 10.0)
     beyond = valid & (np.abs(raw) > 32767)
     if beyond.any():

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from harness.chance import rate
+from harness.config import AnyExperiment
 from harness.pair_tables import thesis_values
-from harness.random_groups import within
-from harness.random_schema import RandomPairsExperiment
+from harness.row_scores import ERRORS, observed_quantile, within
 from harness.schema import Experiment
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.table_files import Table
@@ -37,26 +38,23 @@ def scores(rows: pd.DataFrame) -> list[Score]:
     """By method, over the trials of the whole method; rows as store.load gives them."""
     found = []
     for label, group in rows[rows["given"] == ""].groupby("method", sort=False):
-        errors = group[["rotation_error_deg", "translation_error_mm"]].astype(np.float64)
+        errors = group[list(ERRORS)].astype(np.float64)
         known = errors.where(group["status"] == "ok", np.inf).fillna(np.inf)
-        times = np.zeros(0)
-        if "ms_registration" in group:
-            times = group["ms_registration"].dropna().to_numpy(dtype=np.float64)
         found.append(
             Score(
                 str(label),
                 len(group),
                 int(within(group, COARSE).sum()),
                 int(within(group, FINE).sum()),
-                _middle(known["rotation_error_deg"].to_numpy()),
-                _middle(known["translation_error_mm"].to_numpy()),
-                float(np.median(times)) if len(times) else np.nan,
+                observed_quantile(known["rotation_error_deg"].to_numpy(), 0.5),
+                observed_quantile(known["translation_error_mm"].to_numpy(), 0.5),
+                float(group["ms_registration"].median()) if "ms_registration" in group else np.nan,
             )
         )
     return found
 
 
-def thesis_score(experiment: Experiment | RandomPairsExperiment) -> Score | None:
+def thesis_score(experiment: AnyExperiment) -> Score | None:
     """What the thesis printed of the same pairs; None where it printed nothing."""
     if not isinstance(experiment, Experiment):
         return None
@@ -68,11 +66,11 @@ def thesis_score(experiment: Experiment | RandomPairsExperiment) -> Score | None
         int(((errors[:, 0] <= t.rotation_deg) & (errors[:, 1] <= t.translation_mm)).sum())
         for t in (COARSE, FINE)
     )
-    angle_deg, length_mm = _middle(errors[:, 0]), _middle(errors[:, 1])
+    angle_deg, length_mm = (observed_quantile(each, 0.5) for each in errors.T)
     return Score("The thesis, as printed", len(errors), right, fine, angle_deg, length_mm, np.nan)
 
 
-def answer_table(experiment: Experiment | RandomPairsExperiment, rows: pd.DataFrame) -> Table:
+def answer_table(experiment: AnyExperiment, rows: pd.DataFrame) -> Table:
     """One line a method, and one for what the thesis printed."""
     printed = thesis_score(experiment)
     lines = scores(rows) + ([printed] if printed is not None else [])
@@ -80,9 +78,7 @@ def answer_table(experiment: Experiment | RandomPairsExperiment, rows: pd.DataFr
     for score in lines:
         record: dict[str, Any] = {"Method": score.label, COUNT: score.trials}
         for tolerance, right in ((COARSE, score.right), (FINE, score.fine)):
-            low, high = wilson_interval(right, score.trials)
-            column = f"Within {tolerance.rotation_deg:g} deg and {tolerance.translation_mm:g} mm"
-            record[column] = f"{right}/{score.trials} [{low:.0%}, {high:.0%}]"
+            record[f"Within {tolerance}"] = rate(right, score.trials)
         record |= {
             ROTATION: score.rotation_deg, TRANSLATION: score.translation_mm, TIME: score.time_ms,
         }  # fmt: skip
@@ -98,17 +94,17 @@ def answer_table(experiment: Experiment | RandomPairsExperiment, rows: pd.DataFr
     )
 
 
-def main_label(experiment: Experiment | RandomPairsExperiment) -> str:
+def main_label(experiment: AnyExperiment) -> str:
     """The method that the answer is about: this project's, else the first one that is no peer."""
     choices = sorted(
         experiment.methods, key=lambda choice: (choice.name != OURS, choice.name in PEERS)
     )
-    return choices[0].label or choices[0].name
+    return choices[0].called
 
 
-def answer_sentence(experiment: Experiment | RandomPairsExperiment, rows: pd.DataFrame) -> str:
+def answer_sentence(experiment: AnyExperiment, rows: pd.DataFrame) -> str:
     """The answer in a sentence: the method of this project, the thesis, the best other library."""
-    names = {choice.label or choice.name: choice.name for choice in experiment.methods}
+    names = {choice.called: choice.name for choice in experiment.methods}
     found = scores(rows)
     label = main_label(experiment)
     main = next((score for score in found if score.label == label), found[0])
@@ -140,8 +136,3 @@ def answer_sentence(experiment: Experiment | RandomPairsExperiment, rows: pd.Dat
 
 def _error(score: Score) -> str:
     return f"{score.rotation_deg:.2g}° and {score.translation_mm:.2g} mm"
-
-
-def _middle(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    """The median, an observed value: half of infinity means nothing."""
-    return float(np.quantile(values, 0.5, method="higher")) if len(values) else np.nan

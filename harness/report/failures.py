@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 
 from harness.notes import with_notes
-from harness.random_groups import within
 from harness.report.faults import stage_at_fault
 from harness.report.folder import still_path
 from harness.report.markup import escaped, table_markup
 from harness.report.offered import worst_first
 from harness.report.thumbnail import GAP, HEIGHT, WIDTH
+from harness.row_scores import within
 from harness.scoring import COARSE
 from harness.sweep import short_names
 from harness.sweep_tables import PREFIX, swept_keys
@@ -55,10 +55,9 @@ def failures_table(rows: pd.DataFrame) -> Table:
     return Table(
         "failures_by_stage",
         "Trials without a success, worst first",
-        f"Not within {COARSE.rotation_deg:g} deg and {COARSE.translation_mm:g} mm, or not sure. "
-        "The stage at fault is where the method says that it stopped; of a wrong answer, the "
-        "stage whose result had to be replaced by the truth for the same trial to succeed, where "
-        "that was tried. Empty: nothing tells.",
+        f"Not within {COARSE}, or not sure. The stage at fault is where the method says that it "
+        "stopped; of a wrong answer, the stage whose result had to be replaced by the truth for "
+        "the same trial to succeed, where that was tried. Empty: nothing tells.",
         with_notes(pd.DataFrame(records), bad),
         {"Repeat": "d", "Rotation error (deg)": ".2f", "Translation error (mm)": ".1f"},
     )

@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 import pandas as pd
 
-from harness.random_groups import within
+from harness.row_scores import within
 from harness.scoring import COARSE
 
 WORST = 6  # trials that are no success, of each experiment
@@ -34,14 +34,13 @@ def offered(rows: pd.DataFrame, drawn: Collection[str], main: str = "") -> list[
     """
     whole = rows[rows["given"] == ""]
     # Without any overlap or with an error of the program there is nothing to look at.
-    bad = worst_first(whole[~whole["status"].isin(["no_overlap", "error"])])
+    there = whole[~whole["status"].isin(["no_overlap", "error"])]
+    bad = worst_first(there)
     turn = bad.groupby(["pair", "method"]).cumcount()
     kinds = bad[turn < OF_A_KIND].assign(turn=turn).sort_values("turn", kind="stable")
     chosen = list(kinds["id"][:WORST])
-    seen = whole[(whole["repeat"] == 0) & whole["method"].isin(list(drawn))]
-    seen = seen[~seen["status"].isin(["no_overlap", "error"])]
+    seen = there[(there["repeat"] == 0) & there["method"].isin(list(drawn))]
     chosen += [identity for identity in seen["id"] if identity not in chosen]
-    there = whole[~whole["status"].isin(["no_overlap", "error"])]
     of_main = there[there["method"] == main]
     if len(of_main) and not of_main["id"].isin(chosen).any():
         chosen.append(str(of_main["id"].iloc[0]))

@@ -11,8 +11,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import RigidTransform
 
-from harness.looks import NORMAL_COLOURS
-from harness.pair_matches import sorted_matches, spheres_of
+from harness.pair_matches import palette_places, sorted_matches, spheres_of
 from harness.pair_view import PairView
 from harness.report.nearness import surface_distance
 from harness.report.packing import packed
@@ -26,16 +25,14 @@ from registration.gauss_sphere.view import View
 from registration.scan import FloatArray, IntArray, Scan
 from registration.thesis.evidence import ViewEvidence
 from registration.thesis.gauss_sphere import GaussSphere
-from registration.thesis.patches import Patches
 from registration.thesis.translation import Shifts
 
 SHOWN_POINTS = 12_000  # of a scan, on a grid of profiles and pixels
 SHOWN_SEGMENTS = 2_500  # of a view
 SHOWN_SHIFTS = 4_000
 POINT_STEP_MM = 0.1
-UNMATCHED = -1
 
-Colours = IntArray  # place of a normal in the palette of matches, or UNMATCHED
+Colours = IntArray  # as of palette_places
 
 
 @dataclass(frozen=True)
@@ -71,34 +68,32 @@ def view_layers(pair: PairView) -> dict[str, Any]:
     evidence = pair.result.evidence
     planes = evidence.get("planes")
     if isinstance(planes, PlaneEvidence):
-        spheres, matches = spheres_of(planes)
-        return {
-            role: {
-                "patches": _hulls(
-                    scan, view, _places(len(view.patches.normal), planes.pairs[:, column])
-                ),
-                "normals": _normals(
-                    view.patches.centroid_mm,
-                    view.patches.normal,
-                    _places(len(view.patches.normal), planes.pairs[:, column]),
-                ),
-                "sphere": _sphere(spheres[column], matches[:, column]),
-                "segments": _ends(segment_ends(view.fan, planes.params)),
-            }
-            for column, (role, scan, view) in enumerate(
-                (("target", pair.target, planes.target), ("source", pair.source, planes.source))
-            )
-        }
+        return _plane_layers(pair, planes)
     return _thesis_layers(pair)
+
+
+def _plane_layers(pair: PairView, planes: PlaneEvidence) -> dict[str, Any]:
+    spheres, matches = spheres_of(planes)
+    layers = {}
+    for column, (role, scan, view) in enumerate(
+        (("target", pair.target, planes.target), ("source", pair.source, planes.source))
+    ):
+        places = palette_places(len(view.patches.normal), planes.pairs[:, column])
+        layers[role] = {
+            "patches": _hulls(scan, view, places),
+            "normals": _normals(view.patches.centroid_mm, view.patches.normal, places),
+            "sphere": _sphere(spheres[column], matches[:, column]),
+            "segments": _ends(segment_ends(view.fan, planes.params)),
+        }
+    return layers
 
 
 def _thesis_layers(pair: PairView) -> dict[str, Any]:
     views = {role: pair.result.evidence.get(role) for role in ("target", "source")}
     target = views["target"]
-    found = pair.result.evidence.get("normal_matches", np.zeros((0, 2), dtype=np.int64))
-    matches = found
-    if isinstance(target, ViewEvidence) and len(found):
-        matches = sorted_matches(found, target.sphere.weight)
+    matches = pair.result.evidence.get("normal_matches", np.zeros((0, 2), dtype=np.int64))
+    if isinstance(target, ViewEvidence) and len(matches):
+        matches = sorted_matches(matches, target.sphere.weight)
     layers: dict[str, Any] = {}
     for column, (role, view) in enumerate(views.items()):
         if not isinstance(view, ViewEvidence):
@@ -110,8 +105,9 @@ def _thesis_layers(pair: PairView) -> dict[str, Any]:
         if view.segments is not None:
             layer["segments"] = _ends(view.segments.endpoints_mm)
         if len(view.patches):
-            places = _places(len(view.sphere), matches[:, column])[view.sphere.member]
-            layer["patches"] = _corners(view.patches, places)
+            places = palette_places(len(view.sphere), matches[:, column])[view.sphere.member]
+            outlines = _polygons(list(view.patches.corners_mm))
+            layer["patches"] = {**outlines, "colour": places.tolist()}
             layer["normals"] = _normals(view.patches.centroid_mm, view.patches.normal, places)
             layer["sphere"] = _sphere(view.sphere, matches[:, column])
         layers[role] = layer
@@ -203,14 +199,6 @@ def _moved(grid_mm: FloatArray, pose: RigidTransform) -> FloatArray:
     return moved
 
 
-def _places(count: int, matched: IntArray) -> Colours:
-    """(count,) place in the palette of each normal or plane of a view, largest match first."""
-    places = np.full(count, UNMATCHED, dtype=np.int64)
-    for place, index in reversed(list(enumerate(matched[: len(NORMAL_COLOURS)]))):
-        places[index] = place
-    return places
-
-
 def _ends(ends_mm: FloatArray) -> dict[str, Any]:
     stride = -(-len(ends_mm) // SHOWN_SEGMENTS) or 1
     return {"ends": packed(ends_mm[::stride], POINT_STEP_MM), "total": len(ends_mm)}
@@ -222,10 +210,6 @@ def _normals(centroid_mm: FloatArray, normal: FloatArray, places: Colours) -> di
         "direction": packed(normal, 1e-4),
         "colour": places.tolist(),
     }
-
-
-def _corners(patches: Patches, places: Colours) -> dict[str, Any]:
-    return {**_polygons(list(patches.corners_mm)), "colour": places.tolist()}
 
 
 def _hulls(scan: Scan, view: View, places: Colours) -> dict[str, Any]:
@@ -257,5 +241,5 @@ def _sphere(sphere: GaussSphere, matched: IntArray) -> dict[str, Any]:
     return {
         "direction": packed(sphere.direction, 1e-4),
         "area_cm2": [round(0.01 * float(weight), 2) for weight in sphere.weight],
-        "colour": _places(len(sphere), matched).tolist(),
+        "colour": palette_places(len(sphere), matched).tolist(),
     }

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from harness.execution import full_spec
+from harness.execution import full_spec, scene_of, sensor_of
 from harness.pair_view import PairView
 from harness.report.folder import record_path
 from harness.report.packing import compressed, write_by_content, write_whole
@@ -25,8 +25,6 @@ from harness.report.pair_layers import (
 )
 from harness.scoring import pose_error
 from harness.trials import Trial
-from scenes import SCENES
-from sensors import SENSORS
 
 ROLES = ("target", "source")
 
@@ -42,11 +40,10 @@ def write_trial(pair: PairView, trial: Trial, folder: Path) -> list[Path]:
 def surroundings(trial: Trial) -> Surroundings:
     """The exact surfaces and the sensors' fields of a simulated trial."""
     spec = full_spec(trial)
-    scene = SCENES[spec.scene.name].builder(spec.scene.params)
-    sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
+    sensor = sensor_of(spec)
     paths = {"target": spec.path(spec.target), "source": spec.path(spec.source)}
     return Surroundings(
-        tuple(1000.0 * surface.polygon_m for surface in scene.surfaces),
+        tuple(1000.0 * surface.polygon_m for surface in scene_of(spec).surfaces),
         {role: sensor.outline(path) for role, path in paths.items()},
         paths["target"].T_world_view,
     )

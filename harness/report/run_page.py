@@ -22,11 +22,11 @@ from harness.report.page import FILE_NAME, Part, Shown, page_markup
 from harness.report.pair_studies import pair_study
 from harness.report.records import provided
 from harness.report.studies import study
+from harness.row_scores import ERRORS
 from harness.session import Session
 from harness.store import load
 from harness.table_files import Table, write_table
 
-ERRORS = ("rotation_error_deg", "translation_error_mm")
 LISTED = 20_000  # trials that are found by their id
 SENSOR_TABLES = ("sensor_card", "geometry_fits", "arm")
 
@@ -54,14 +54,8 @@ def run_part(
     sweep = session.experiment.sweep
     main = main_label(session.experiment)
     rows = load(session.folder, arrays=False)
-    # Of a sweep nothing is drawn: its pairs are too many.
-    labels = (
-        set()
-        if sweep is not None
-        else {m.label or m.name for m in session.experiment.methods if m.figures}
-    )
     folder = session.folder / FOLDER
-    wanted = offered(rows, labels, main)
+    wanted = offered(rows, session.drawn_labels, main)
     shown = set(wanted)
     by_id = {trial.id: trial for trial in session.trials if trial.id in shown}
     records = provided(wanted, by_id, rows, folder, make_executor)
@@ -84,8 +78,8 @@ def run_part(
             key=lambda file: (not file.name.startswith("study_"), file.name),
         ),
         failures=failures_markup(failures, command, records.keys(), folder, prefix),
-        config=_text(session.folder / "config.yaml"),
-        facts=_text(session.folder / "run.json"),
+        config=text_of(session.folder / "config.yaml"),
+        facts=text_of(session.folder / "run.json"),
         command=" ".join(command),
         study=_study(session, rows),
     )
@@ -123,8 +117,8 @@ def plain_part(folder: Path, title: str, description: str, tables: Sequence[Tabl
         tables=[table for table in tables if table.name not in SENSOR_TABLES],
         sensor=[table for table in tables if table.name in SENSOR_TABLES],
         figures=sorted((folder / "figures").glob("*.png")),
-        config=_text(folder / "config.yaml"),
-        facts=_text(folder / "run.json"),
+        config=text_of(folder / "config.yaml"),
+        facts=text_of(folder / "run.json"),
     )
 
 
@@ -172,5 +166,6 @@ def _number(value: float) -> float | None:
     return round(float(value), 6) if np.isfinite(value) else None
 
 
-def _text(path: Path) -> str:
+def text_of(path: Path) -> str:
+    """What a text file holds; nothing where there is none."""
     return path.read_text(encoding="utf-8") if path.exists() else ""

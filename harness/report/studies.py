@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from harness.random_groups import within
+from harness.row_scores import within
 from harness.scoring import COARSE, FINE, wilson_interval
 from harness.sweep import short_names
 from harness.sweep_tables import PREFIX, swept_keys

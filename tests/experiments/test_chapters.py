@@ -15,7 +15,8 @@ from experiments.chapter_summary import PartResult
 from experiments.chapters import load_chapters
 from experiments.cli import main
 from experiments.draw_chapters import draw_numbered, figure_table, shown_trials
-from experiments.medians import median_interval, rate
+from experiments.medians import median_of
+from harness.chance import rate
 from harness.report.page import LARGEST_BYTES
 from harness.schema import Experiment
 from harness.store import load
@@ -235,12 +236,12 @@ def test_the_seed_is_that_of_every_part() -> None:
 def test_a_median_s_interval_is_of_order_statistics() -> None:
     values = np.arange(1.0, 51.0)
     # Binomial(50, 1/2): ranks 18 and 33 bound the median with at least 95 %.
-    assert median_interval(values) == (26.0, 18.0, 33.0)
-    some = median_interval(np.append(values[:30], np.full(20, np.inf)))
+    assert median_of(values) == (26.0, 18.0, 33.0)
+    some = median_of(np.append(values[:30], np.full(20, np.inf)))
     assert some[0] == 26.0
     assert np.isinf(some[2])
-    assert np.isnan(median_interval(np.array([1.0, 2.0]))[1])
-    assert median_interval(np.zeros(0)).text(".2f") == "none"
+    assert np.isnan(median_of(np.array([1.0, 2.0]))[1])
+    assert median_of(np.zeros(0)).text(".2f") == "none"
     assert rate(50, 50) == "50/50 [93%, 100%]"
 
 

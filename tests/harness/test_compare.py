@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.cli import main
+from harness.chance import sign_test
 from harness.compare import (
     changed_table,
     comparison_table,
     matched,
-    mcnemar,
     median_difference,
     summary,
 )
@@ -45,8 +45,8 @@ def rows(errors_mm: list[float | None], params: str = "x", seed: int = 0) -> pd.
     ("only_a", "only_b", "p"), [(0, 0, 1.0), (0, 1, 1.0), (0, 5, 0.0625), (5, 0, 0.0625),
                                 (1, 6, 0.125), (0, 10, 2 * 0.5**10)]
 )  # fmt: skip
-def test_mcnemar_is_the_binomial_test_of_what_changed(only_a: int, only_b: int, p: float) -> None:
-    assert mcnemar(only_a, only_b) == pytest.approx(p)
+def test_the_sign_test_is_the_binomial_test(only_a: int, only_b: int, p: float) -> None:
+    assert sign_test(only_a, only_b) == pytest.approx(p)
 
 
 def few_or_many(least: int, most: int) -> st.SearchStrategy[list[float]]:

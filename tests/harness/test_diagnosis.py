@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from harness.common_points import common_points
 from harness.diagnosis import (
-    only_shared,
+    only,
     register_with_true_patches,
     register_with_true_rotation,
     true_patches,
@@ -75,7 +76,8 @@ def test_true_patches_are_exact(desk_hits) -> None:
 def test_shared_hits_are_those_that_both_views_see() -> None:
     scene, here, there = desk(DeskParams()), path_at(0.0), path_at(25.0)
     hits = SENSOR.hits(scene, here)
-    shared = only_shared(hits, SENSOR, scene, here, there)
+    both = common_points(SENSOR, scene, (hits, SENSOR.hits(scene, there)), (here, there))
+    shared = only(hits, both.target)
     kept = shared.valid
     assert 0 < kept.sum() < hits.valid.sum()
     assert not (kept & ~hits.valid).any()

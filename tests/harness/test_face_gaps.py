@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from harness.common_points import common_points
-from harness.face_gaps import FaceGaps, centroid_gaps, gaps_in_words, only
+from harness.diagnosis import only
+from harness.face_gaps import FaceGaps, centroid_gaps, gaps_in_words
 from harness.scoring import exact_pose
 from registration.thesis.params import ThesisParams
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes

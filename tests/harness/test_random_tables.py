@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.bound import parameter_deviations
 from harness.normalised_errors import squared_distances
-from harness.pair_tables import COLUMNS, NAMES
+from harness.pair_tables import NAMES
 from harness.random_groups import BANDS, THRESHOLDS, with_family
 from harness.random_tables import (
     bound_table,
@@ -16,7 +16,7 @@ from harness.random_tables import (
     success_table,
     wrong_table,
 )
-from harness.scoring import FINE, parameter_errors, pose_error, six_parameters
+from harness.scoring import FINE, PARAMETERS, parameter_errors, pose_error, six_parameters
 
 COVARIANCE = np.diag([1e-3, 2e-3, 5e-4, 0.4, 0.3, 0.6]) ** 2
 
@@ -45,7 +45,7 @@ def rows_with(errors: list[np.ndarray], statuses: list[str], overlaps: list[floa
                 "bounds": np.stack([COVARIANCE, 4.0 * COVARIANCE]), "covariance": COVARIANCE,
                 "ms_registration": 10.0 + i, "ms_planes": 4.0,
             }
-            | {f"error_{c}": value for c, value in zip(COLUMNS, six, strict=True)}
+            | {f"error_{c}": value for c, value in zip(PARAMETERS, six, strict=True)}
         )  # fmt: skip
     return with_family(pd.DataFrame(records))
 
@@ -132,7 +132,9 @@ def test_every_table_is_made_and_bands_and_thresholds_are_whole(normal_rows) -> 
 def test_bounds_of_a_pair_scale_its_own_errors(normal_rows: pd.DataFrame) -> None:
     row = normal_rows.iloc[0]
     pose = RigidTransform.from_matrix(row["T_exact"])
-    ratio = np.array([row[f"error_{c}"] for c in COLUMNS]) / parameter_deviations(COVARIANCE, pose)
+    ratio = np.array([row[f"error_{c}"] for c in PARAMETERS]) / parameter_deviations(
+        COVARIANCE, pose
+    )
     table = bound_table(normal_rows.iloc[:1]).frame
     first = table[table["Bound from"] == "all points of shared faces"].iloc[0]
     np.testing.assert_allclose(first[list(NAMES)].astype(float), np.abs(ratio))

@@ -15,7 +15,7 @@ from harness import choices
 from harness.config import load_experiment, validated
 from harness.config_errors import ConfigError
 from harness.execution import full_spec
-from harness.figures_page import Style
+from harness.figures_page import page_style
 from harness.random_pairs import build_random_trials
 from harness.random_schema import RandomPairsExperiment
 from harness.recent import Recent
@@ -259,7 +259,7 @@ def test_what_chance_may_have_made_is_told_so() -> None:
 
 def test_a_figure_has_its_conclusion_at_its_foot() -> None:
     found = concluded("overlap", 60, lambda m, s, n: n % 4 > 0)
-    with Style():
+    with page_style():
         texts = [text.get_text() for text in found.figures["overlap"]().texts]
     words = " ".join(found.conclusion)
     assert words in [" ".join(text.split()) for text in texts]

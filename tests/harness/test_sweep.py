@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from harness.config import validated
 from harness.config_errors import ConfigError
-from harness.session import open_session, resolved
+from harness.resolved import resolved_config
+from harness.session import open_session
 from harness.store import Row, Store, load
 from harness.sweep import Point, point_count, short_names, sweep_points, unit_design
 from harness.sweep_schema import Sweep
@@ -205,7 +206,8 @@ def test_a_point_is_the_experiment_with_these_keys_set(small_file: Path, key: st
     assert found == expected
     assert len({identity for identity, *_ in found}) == len(found)
     written = small_file.parent / "config.yaml"
-    written.write_text(yaml.safe_dump(resolved(session), sort_keys=False), encoding="utf-8")
+    data = resolved_config(session.experiment, session.base)
+    written.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     again = open_session(written, None)
     assert [(trial.id, trial.pair, trial.label) for trial in again.trials] == found
 

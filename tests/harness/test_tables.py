@@ -9,9 +9,9 @@ from scipy.spatial.transform import RigidTransform
 
 from harness.config import load_experiment
 from harness.face_gaps import FaceGaps
-from harness.pair_tables import COLUMNS, pair_tables
+from harness.pair_tables import pair_tables
 from harness.schema import Experiment
-from harness.scoring import pose_error, pose_from_parameters
+from harness.scoring import PARAMETERS, pose_error, pose_from_parameters
 from harness.session import open_session
 from harness.store import Row, Store, load
 from harness.table_files import Table, write_tables
@@ -161,7 +161,7 @@ def test_the_theoretical_pose_stands_beside_the_exact_one(tmp_path: Path) -> Non
     experiment, rows = rows_with(tmp_path, [[0.5, 0.0, 0.0, 1.0, 2.0, 2.0]])
     rows["T_theoretical"] = [moved([0.0, 0.1, 0.0, 0.0, 3.0, 4.0]).as_matrix()]
     six = EXACT + np.array([0.0, 0.1, 0.0, 0.0, 3.0, 4.0])
-    for name, value in zip(COLUMNS, six, strict=True):
+    for name, value in zip(PARAMETERS, six, strict=True):
         rows[f"theoretical_{name}"] = value
     (table,) = pair_tables(experiment, rows)
     assert list(table.frame.columns[2:5]) == ["Exact", "Theoretical", "Thesis's estimate"]

@@ -12,9 +12,10 @@ import yaml
 
 from harness.config import load_experiment, read_mapping
 from harness.config_errors import ConfigError
+from harness.resolved import resolved_config
 from harness.schema import PrintedPose
 from harness.scoring import encoder_pose, exact_pose, pose_error, six_parameters
-from harness.session import open_session, resolved
+from harness.session import open_session
 from harness.trials import Chosen, build_trials
 from harness.views import relabelled
 
@@ -129,7 +130,8 @@ def test_relabelling_moves_the_angles_only() -> None:
 def test_the_resolved_configuration_makes_the_same_trials(file: Path, tmp_path: Path) -> None:
     session = open_session(file, tmp_path)
     written = tmp_path / "config.yaml"
-    written.write_text(yaml.safe_dump(resolved(session), sort_keys=False), encoding="utf-8")
+    data = resolved_config(session.experiment, session.base)
+    written.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     again = open_session(written, tmp_path)
     assert [(t.id, t.pair, t.label) for t in again.trials] == [
         (t.id, t.pair, t.label) for t in session.trials

@@ -8,12 +8,12 @@ from scenes import SCENES
 from scenes.rays import cast_rays
 from scenes.scene import Scene
 from scenes.solids import assemble, box, plate, turned
-from sensors.jupiter import Jupiter, JupiterParams, lateral_slopes
+from sensors.jupiter import Jupiter, JupiterParams
 from sensors.noise import NoiseParams
 from sensors.paths import ViewPath, aimed_view, straight_line
 
 EXACT = Jupiter(JupiterParams(noise=NoiseParams.exact()))
-SLOPES = lateral_slopes(JupiterParams())
+SLOPES = JupiterParams().slopes
 APEX_MM = JupiterParams().apex_depth_mm
 
 

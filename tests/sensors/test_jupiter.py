@@ -8,7 +8,7 @@ from scenes.flat_target import FlatTargetParams, flat_target
 from scenes.scene import Scene, moved
 from scenes.solids import assemble, box
 from sensors import SENSORS
-from sensors.jupiter import Jupiter, JupiterParams, lateral_slopes
+from sensors.jupiter import Jupiter, JupiterParams
 from sensors.noise import NoiseParams
 from sensors.paths import ViewPath, aimed_view, straight_line
 from sensors.sensor import Hits
@@ -74,7 +74,7 @@ def test_points_lie_on_their_beams_in_profiles_a_step_apart() -> None:
         expected = np.broadcast_to(15.0 * np.arange(20)[:, None], x_mm.shape)
         assert x_mm[valid] == pytest.approx(expected[valid], abs=1e-9)
         slopes = y_mm / (z_mm + NOISY.params.apex_depth_mm)
-        beam = np.broadcast_to(lateral_slopes(NOISY.params), slopes.shape)
+        beam = np.broadcast_to(NOISY.params.slopes, slopes.shape)
         assert slopes[valid] == pytest.approx(beam[valid], abs=1e-12)
 
 
@@ -103,7 +103,7 @@ def test_what_stands_too_near_hides_what_is_behind_it() -> None:
     wall = box("wall", [0.02, 1.0, 1.0], [0.0, 0.0, -0.5])
     hits = EXACT.hits(assemble("hidden", [post, wall]), _facing_board(850.0))
     blocked = ~hits.valid[0]
-    inner = np.abs(lateral_slopes(EXACT.params)) < 20.0 / (90.0 + EXACT.params.apex_depth_mm)
+    inner = np.abs(EXACT.params.slopes) < 20.0 / (90.0 + EXACT.params.apex_depth_mm)
     np.testing.assert_array_equal(blocked, inner)
 
 

@@ -9,7 +9,7 @@ from scenes.materials import MATERIALS
 from scenes.scene import Scene
 from scenes.solids import assemble, plate, turned
 from sensors.calibration import FAR_MM, NEAR_MM
-from sensors.jupiter import Jupiter, JupiterParams, lateral_slopes
+from sensors.jupiter import Jupiter, JupiterParams
 from sensors.noise import SWITCHES, NoiseParams, quantised_mm, square_law
 from sensors.paths import ViewPath, aimed_view, straight_line
 
@@ -21,7 +21,7 @@ def _sensor(noise: NoiseParams, range_limits: bool = False) -> Jupiter:
 
 
 EXACT = _sensor(NoiseParams.exact())
-SLOPES = lateral_slopes(JupiterParams())
+SLOPES = JupiterParams().slopes
 EDGE = JupiterParams().edge_slope
 MIDDLE = slice(96, 160)
 

@@ -6,7 +6,7 @@ from scenes import SCENES
 from scenes.flat_target import FlatTargetParams, flat_target
 from scenes.scene import Scene
 from scenes.solids import assemble, box
-from sensors.jupiter import Jupiter, JupiterParams, lateral_slopes
+from sensors.jupiter import Jupiter, JupiterParams
 from sensors.overlap import overlap, seen
 from sensors.paths import ViewPath, aimed_view, straight_line
 
@@ -42,7 +42,7 @@ def test_along_the_motion_whole_profiles_are_shared(steps: int) -> None:
 @pytest.mark.parametrize("shift_mm", [0.0, 57.3, -200.0, 430.0])
 def test_across_the_motion_the_points_inside_both_fields_are_shared(shift_mm: float) -> None:
     params = SENSOR.params
-    y_mm = lateral_slopes(params) * (DISTANCE_MM + params.apex_depth_mm)
+    y_mm = params.slopes * (DISTANCE_MM + params.apex_depth_mm)
     # The world's +Y is the sensor's left.
     inside = np.abs(y_mm + shift_mm) <= y_mm[-1] * (1.0 + 1e-9)
     share = overlap(SENSOR, BOARD, _path(), _path(aim_mm=(0.0, shift_mm, 0.0)))

@@ -10,9 +10,8 @@ from sensors.calibration import (
     fan_of_field,
     fit_geometry,
     misfits,
-    ray_slopes,
 )
-from sensors.jupiter import JupiterParams, lateral_slopes
+from sensors.jupiter import JupiterParams
 
 
 def test_the_default_sensor_is_the_fit_that_holds_the_field() -> None:
@@ -43,7 +42,7 @@ def test_a_fan_is_found_again_from_its_own_numbers(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize("widening", [0.0, 0.3])
 def test_spacings_grow_by_the_widening_towards_both_edges(widening: float) -> None:
-    slopes = ray_slopes(0.2, widening, 4096)
+    slopes = FanGeometry(0.2, 0.0, widening).slopes(4096)
     spacing = np.diff(slopes)
     assert spacing[0] / spacing[len(spacing) // 2] == pytest.approx(1.0 + widening, rel=1e-3)
     assert slopes == pytest.approx(-slopes[::-1], abs=1e-15)
@@ -72,6 +71,6 @@ def test_an_unknown_side_to_keep_is_refused() -> None:
 
 
 def test_512_beams_lie_between_the_256() -> None:
-    coarse, fine = (lateral_slopes(JupiterParams(pixels=n)) for n in (256, 512))
+    coarse, fine = (JupiterParams(pixels=n).slopes for n in (256, 512))
     assert fine[[0, -1]] == pytest.approx(coarse[[0, -1]], abs=1e-15)
     assert np.diff(fine).mean() == pytest.approx(np.diff(coarse).mean() * 255 / 511)
