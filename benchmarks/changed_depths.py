@@ -8,7 +8,7 @@ no return; shaken, rounded. Views and words are those of missing_returns.py.
 
 from __future__ import annotations
 
-from harness.threads import limit_threads
+from harness.workers.threads import limit_threads
 
 limit_threads()
 

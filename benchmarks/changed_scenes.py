@@ -11,7 +11,7 @@ the answer names another pose. Errors are those of right answers.
 
 from __future__ import annotations
 
-from harness.threads import limit_threads
+from harness.workers.threads import limit_threads
 
 limit_threads()
 
@@ -28,13 +28,13 @@ from scipy.spatial.transform import RigidTransform  # noqa: E402
 from scipy.stats import chi2  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
-from harness.config import load_experiment  # noqa: E402
+from harness.config.reading import load_experiment  # noqa: E402
 from harness.execution import full_spec  # noqa: E402
-from harness.normalised_errors import squared_distances  # noqa: E402
-from harness.random_pairs import build_random_trials  # noqa: E402
-from harness.scoring import COARSE, exact_pose, is_success, pose_error  # noqa: E402
-from harness.trials import TrialSpec, keyed_rng  # noqa: E402
-from harness.views import ViewSpec  # noqa: E402
+from harness.scoring.normalised_errors import squared_distances  # noqa: E402
+from harness.scoring.poses import COARSE, exact_pose, is_success, pose_error  # noqa: E402
+from harness.trials.random_pairs import build_random_trials  # noqa: E402
+from harness.trials.specs import TrialSpec, keyed_rng  # noqa: E402
+from harness.trials.views import ViewSpec  # noqa: E402
 from registration import RegistrationResult, Scan, register  # noqa: E402
 from scenes import SCENES, SceneEntry  # noqa: E402
 from scenes.clutter import ClutterParams, scattered_solids  # noqa: E402

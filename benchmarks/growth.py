@@ -9,7 +9,7 @@ core, least of five repeats.
 
 from __future__ import annotations
 
-from harness.threads import limit_threads
+from harness.workers.threads import limit_threads
 
 limit_threads()
 

@@ -19,7 +19,7 @@ Every pair has a scene of its own. A wrong answer is marked "ok" and off by more
 
 from __future__ import annotations
 
-from harness.threads import limit_threads
+from harness.workers.threads import limit_threads
 
 limit_threads()
 
@@ -34,11 +34,11 @@ from everyday_scenes import EVERYDAY, FLOOR, WALL  # noqa: E402
 from symmetric_scenes import SYMMETRIC  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
-from harness.choices import chosen_method  # noqa: E402
-from harness.config import load_experiment  # noqa: E402
+from harness.config.choices import chosen_method  # noqa: E402
+from harness.config.reading import load_experiment  # noqa: E402
 from harness.execution import full_spec, scan_view  # noqa: E402
-from harness.random_pairs import build_random_trials  # noqa: E402
-from harness.scoring import COARSE, exact_pose, is_success, pose_error  # noqa: E402
+from harness.scoring.poses import COARSE, exact_pose, is_success, pose_error  # noqa: E402
+from harness.trials.random_pairs import build_random_trials  # noqa: E402
 from registration import register  # noqa: E402
 from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
 from scenes import SCENES, SceneEntry  # noqa: E402

@@ -8,7 +8,7 @@ marked "ok" within 1 degree and 5 mm, wrong one beyond 5 degrees or 30 mm, inexa
 
 from __future__ import annotations
 
-from harness.threads import limit_threads
+from harness.workers.threads import limit_threads
 
 limit_threads()
 
@@ -24,11 +24,11 @@ from numpy.typing import NDArray  # noqa: E402
 from scipy.spatial.transform import RigidTransform  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
-from harness.config import load_experiment  # noqa: E402
+from harness.config.reading import load_experiment  # noqa: E402
 from harness.execution import full_spec, scan_view  # noqa: E402
-from harness.random_pairs import build_random_trials  # noqa: E402
-from harness.scoring import COARSE, FINE, exact_pose, is_success, pose_error  # noqa: E402
-from harness.trials import Trials  # noqa: E402
+from harness.scoring.poses import COARSE, FINE, exact_pose, is_success, pose_error  # noqa: E402
+from harness.trials.random_pairs import build_random_trials  # noqa: E402
+from harness.trials.specs import Trials  # noqa: E402
 from registration import Scan, register  # noqa: E402
 from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
 

@@ -23,7 +23,7 @@ ALL_CORES = "--all-cores"
 # Before any library is imported: one core, for those that take all they may, and one thread.
 if ALL_CORES not in sys.argv and hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-from harness.threads import limit_threads  # noqa: E402
+from harness.workers.threads import limit_threads  # noqa: E402
 
 limit_threads()
 
@@ -37,10 +37,9 @@ import numpy as np  # noqa: E402
 from scipy.spatial.transform import RigidTransform  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
-from harness.config import load_experiment  # noqa: E402
+from harness.config.reading import load_experiment  # noqa: E402
 from harness.execution import full_spec, scan_view  # noqa: E402
-from harness.random_pairs import build_random_trials  # noqa: E402
-from harness.scoring import (  # noqa: E402
+from harness.scoring.poses import (  # noqa: E402
     COARSE,
     FINE,
     PoseError,
@@ -48,6 +47,7 @@ from harness.scoring import (  # noqa: E402
     is_success,
     pose_error,
 )
+from harness.trials.random_pairs import build_random_trials  # noqa: E402
 from registration import Scan, register  # noqa: E402
 from registration.gauss_sphere.params import GaussSphereParams  # noqa: E402
 from registration.peers import PEERS, MissingPeerError, check_installed  # noqa: E402

@@ -9,7 +9,7 @@ Cramer-Rao bound from all points.
 
 from __future__ import annotations
 
-from harness.threads import limit_threads
+from harness.workers.threads import limit_threads
 
 limit_threads()
 
@@ -25,9 +25,9 @@ from scipy.spatial import KDTree  # noqa: E402
 from scipy.spatial.transform import RigidTransform, Rotation  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
-from harness.bound import parameter_deviations  # noqa: E402
 from harness.execution import perform  # noqa: E402
-from harness.scoring import (  # noqa: E402
+from harness.scoring.bound import parameter_deviations  # noqa: E402
+from harness.scoring.poses import (  # noqa: E402
     COARSE,
     Tolerance,
     is_success,

@@ -10,7 +10,7 @@ one that is at most 2 degrees off.
 
 from __future__ import annotations
 
-from harness.threads import limit_threads
+from harness.workers.threads import limit_threads
 
 limit_threads()
 
@@ -24,7 +24,7 @@ from refinements import drawn_pairs, is_right, normals_by_svd, options_of  # noq
 from scipy.spatial.transform import RigidTransform, Rotation  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
-from harness.scoring import FINE  # noqa: E402
+from harness.scoring.poses import FINE  # noqa: E402
 from registration import register  # noqa: E402
 from registration.gauss_sphere.candidates.rotation import (  # noqa: E402
     GaussSphere,

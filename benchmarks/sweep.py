@@ -22,7 +22,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from harness.threads import limit_threads
+from harness.workers.threads import limit_threads
 
 limit_threads()
 
@@ -31,12 +31,12 @@ from scipy.spatial.transform import RigidTransform, Rotation  # noqa: E402
 from tabulate import tabulate  # noqa: E402
 
 from harness.execution import perform  # noqa: E402
-from harness.pool import process_pool  # noqa: E402
-from harness.row_scores import within  # noqa: E402
-from harness.scoring import COARSE  # noqa: E402
+from harness.scoring.poses import COARSE  # noqa: E402
+from harness.scoring.row_scores import within  # noqa: E402
 from harness.session import execute, open_session, plan  # noqa: E402
-from harness.store import Store, load  # noqa: E402
-from harness.trials import Trial  # noqa: E402
+from harness.store.rows import Store, load  # noqa: E402
+from harness.trials.specs import Trial  # noqa: E402
+from harness.workers.pool import process_pool  # noqa: E402
 
 CONFIG = """\
 title: Desk, two views

@@ -8,7 +8,7 @@ other families, and each clutter to another clutter. Exits with status 1 when an
 
 from __future__ import annotations
 
-from harness.threads import limit_threads
+from harness.workers.threads import limit_threads
 
 limit_threads()
 

@@ -12,14 +12,14 @@ from experiments.precision import rehearse_precision, run_precision
 from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import check_kept, rehearse_profiles, run_profiles
 from experiments.terminal import make_console, show_paths, show_tables
-from harness.config import read_mapping
-from harness.config_errors import ConfigError
+from harness.config.errors import ConfigError
+from harness.config.reading import read_mapping
 from harness.report.run_page import plain_part, write_page
-from harness.table_files import Table
+from harness.tables.table import Table
 
 Run = Callable[[Path, Path | None, Sequence[str], int | None], tuple[list[Table], Path]]
 
-# By the key `experiment` of the config; harness.config.experiment_kind reads it.
+# By the key `experiment` of the config; harness.config.reading.experiment_kind reads it.
 RUNS: dict[str, Run] = {
     "precision": run_precision,
     PROFILES: run_profiles,

@@ -11,16 +11,19 @@ from matplotlib.figure import Figure
 from experiments import planar_figures as planar
 from experiments.profile_figures import SERIES, draw_series
 from experiments.profile_pairs import ProfilePair
-from harness.figures_matching import (
+from harness.figures.matching import (
     FourPatches,
     draw_four_shifts,
     draw_patch_matching,
     telling_patches,
 )
-from harness.figures_shifts import draw_shifts
-from harness.figures_sphere import draw_gauss_spheres
-from harness.figures_superposition import draw_superposition
-from harness.figures_views import (
+from harness.figures.overview import draw_superposed_pairs
+from harness.figures.pair_matches import sorted_matches
+from harness.figures.pair_view import PairView
+from harness.figures.shifts import draw_shifts
+from harness.figures.sphere import draw_gauss_spheres
+from harness.figures.superposition import draw_superposition
+from harness.figures.views import (
     draw_profile_filtering,
     draw_view_compaction,
     draw_view_filtering,
@@ -29,9 +32,6 @@ from harness.figures_views import (
     draw_view_sphere,
     telling_profile,
 )
-from harness.overview import draw_superposed_pairs
-from harness.pair_matches import sorted_matches
-from harness.pair_view import PairView
 from registration.planar.pipeline import PlanarEvidence
 from registration.scan import Scan
 from registration.thesis.evidence import ViewEvidence

@@ -11,14 +11,14 @@ import pandas as pd
 
 from experiments.medians import Median, median_of
 from experiments.profile_summary import profile_seconds, profile_summary
-from harness.chance import rate
-from harness.pair_tables import NAMES, printed_six, theoretical_error, thesis_values
-from harness.row_scores import ERRORS, within
-from harness.schema import Experiment, Pair
-from harness.scoring import COARSE, PARAMETERS
-from harness.table_files import Table
-from harness.trials import Trial
-from harness.views import LABEL_ORDER
+from harness.config.schema import Experiment, Pair
+from harness.scoring.chance import rate
+from harness.scoring.poses import COARSE, PARAMETERS
+from harness.scoring.row_scores import ERRORS, within
+from harness.tables.pairs import NAMES, printed_six, theoretical_error, thesis_values
+from harness.tables.table import Table
+from harness.trials.specs import Trial
+from harness.trials.views import LABEL_ORDER
 from registration.scan import FloatArray
 
 ERROR_NAMES = ("Error, rotation angle (deg)", "Error, translation norm (mm)")

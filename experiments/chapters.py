@@ -13,12 +13,12 @@ from pydantic import Field
 from experiments.precision import PrecisionExperiment, load_precision
 from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import ProfilesExperiment, load_profiles
-from harness.config import experiment_kind, overridden_mapping, validated
-from harness.config_errors import ConfigError, nearest
-from harness.schema import Experiment
+from harness.config.errors import ConfigError, nearest
+from harness.config.reading import experiment_kind, overridden_mapping, validated
+from harness.config.schema import Experiment
+from harness.config.strict import Strict
 from harness.session import Session, open_session
-from harness.strict import Strict
-from harness.trials import Trial
+from harness.trials.specs import Trial
 
 KIND = "chapters"
 PAIRS, PRECISION = "pairs", "precision"

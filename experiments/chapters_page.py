@@ -8,12 +8,12 @@ from pathlib import Path
 
 from experiments.chapter_summary import PartResult, part_by_part
 from experiments.chapters import PAIRS, ChaptersExperiment, PartRun
-from harness.pool import MakeExecutor
 from harness.report.answer import OURS, scores
 from harness.report.page import Part, Shown
 from harness.report.run_page import plain_part, run_part, write_page
-from harness.scoring import COARSE, wilson_interval
-from harness.table_files import Table
+from harness.scoring.poses import COARSE, wilson_interval
+from harness.tables.table import Table
+from harness.workers.pool import MakeExecutor
 
 
 def write_chapters_page(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from experiments.arguments import make_parser
 
 if TYPE_CHECKING:  # help and usage errors must not wait for it
-    from harness.config import AnyExperiment
+    from harness.config.reading import AnyExperiment
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 CHAPTERS = "chapters"  # experiments.chapters.KIND, likewise
@@ -41,10 +41,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(options: argparse.Namespace) -> int:
     # Everything below imports numpy and more; help and usage errors must not wait for that.
-    from harness.config import experiment_kind, load_experiment
-    from harness.config_errors import ConfigError
-    from harness.fork_server import start_server
-    from harness.threads import limit_threads
+    from harness.config.errors import ConfigError
+    from harness.config.reading import experiment_kind, load_experiment
+    from harness.workers.fork_server import start_server
+    from harness.workers.threads import limit_threads
 
     limit_threads()
     experiment = None
@@ -66,8 +66,8 @@ def _main(options: argparse.Namespace) -> int:
             raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     except ConfigError as error:
         return _refuse(error)
-    from harness.cluster import ClusterError
-    from harness.store import StoreError
+    from harness.store.rows import StoreError
+    from harness.workers.cluster import ClusterError
 
     try:
         return _run(options, experiment)
@@ -77,7 +77,7 @@ def _main(options: argparse.Namespace) -> int:
 
 def _check_register(options: argparse.Namespace) -> None:
     """Options that say nothing to what is asked are refused, not passed over."""
-    from harness.config_errors import ConfigError
+    from harness.config.errors import ConfigError
 
     if options.register is None:
         for name in ("step", "travel", "method", "calibration"):
@@ -99,7 +99,7 @@ def _refuse(error: Exception) -> int:
 
 
 def _list() -> int:
-    from harness.config import read_mapping
+    from harness.config.reading import read_mapping
 
     folder = Path("configs")
     if not folder.is_dir():
@@ -117,8 +117,8 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
     from experiments.at_once import RUNS, check_reportable, rehearse, show_run
     from experiments.discussion import replay_asked, run_discussion
     from experiments.discussion_trials import KIND as DISCUSSION
-    from harness.config_errors import ConfigError
-    from harness.store import StoreError
+    from harness.config.errors import ConfigError
+    from harness.store.rows import StoreError
 
     for name in NEED_TRIALS:
         if getattr(options, name) and (name, kind) != ("trial", DISCUSSION):
@@ -146,8 +146,8 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
 
 
 def _run_chapters(options: argparse.Namespace) -> int:
-    from harness.config_errors import ConfigError
-    from harness.store import StoreError
+    from harness.config.errors import ConfigError
+    from harness.store.rows import StoreError
 
     if options.show_scene is not None:
         message = f"says nothing to {options.config}, which has several scenes; name a part's file"

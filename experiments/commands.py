@@ -23,17 +23,17 @@ from experiments.terminal import (
     show_tables,
     trial_name,
 )
-from harness.cluster import cluster_pool
-from harness.config import AnyExperiment
-from harness.config_errors import ConfigError, nearest
-from harness.pool import process_pool
-from harness.schema import Experiment
-from harness.scoring import six_parameters
+from harness.config.errors import ConfigError, nearest
+from harness.config.reading import AnyExperiment
+from harness.config.schema import Experiment
+from harness.scoring.poses import six_parameters
 from harness.session import Plan, Session, draw_whole, execute, open_session, plan, report
-from harness.store import FILE_NAME, Store, StoreError, load
-from harness.sweep import MOST_POINTS, point_count
-from harness.table_files import Table
-from harness.trials import Trial, beyond_reach, full_specs
+from harness.store.rows import FILE_NAME, Store, StoreError, load
+from harness.tables.table import Table
+from harness.trials.points import MOST_POINTS, point_count
+from harness.trials.specs import Trial, beyond_reach, full_specs
+from harness.workers.cluster import cluster_pool
+from harness.workers.pool import process_pool
 from sensors import SENSORS
 
 Show = Callable[[list[Table]], object]
@@ -113,7 +113,7 @@ def run_all(
 
 def export(session: Session, file: Path) -> int:
     """Write the rows at hand to one file; computes nothing."""
-    from harness.export import export_rows  # it brings pandas
+    from harness.store.export import export_rows  # it brings pandas
 
     rows = export_rows(session.folder, file)
     print(f"{file}: {rows} rows")

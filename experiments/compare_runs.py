@@ -6,14 +6,14 @@ from pathlib import Path
 
 from experiments.cli import EXIT_OK
 from experiments.terminal import make_console, show_paths, show_tables
-from harness.compare import changed_table, comparison_table, matched, summary
-from harness.compare_figure import draw_comparison
-from harness.config_errors import ConfigError
-from harness.pair_view import file_slug
+from harness.config.errors import ConfigError
+from harness.figures.compare import draw_comparison
+from harness.figures.pair_view import file_slug
 from harness.report.page import Part
 from harness.report.run_page import text_of, write_page
-from harness.store import load
-from harness.table_files import write_tables
+from harness.store.rows import load
+from harness.tables.compare import changed_table, comparison_table, matched, summary
+from harness.tables.table import write_tables
 
 
 def compare(first: Path, second: Path, folder: Path | None) -> int:

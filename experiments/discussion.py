@@ -16,16 +16,16 @@ from experiments.discussion_trials import Asked, DiscussionExperiment, load_disc
 from experiments.progress import Tally, reporting
 from experiments.terminal import make_console
 from experiments.turned_rotation import Turning, middle_mm, turn
-from harness.card import card_table
-from harness.config import dump_yaml
-from harness.config_errors import ConfigError
-from harness.pair_tables import theoretical_error
-from harness.pool import MakeExecutor, process_pool
+from harness.config.errors import ConfigError
+from harness.config.reading import dump_yaml
 from harness.provenance import code_fingerprint, note_run
-from harness.runner import Task, run
-from harness.store import FILE_NAME, Store, load
-from harness.table_files import Table, write_tables
-from harness.trials import TrialSpec
+from harness.store.rows import FILE_NAME, Store, load
+from harness.tables.card import card_table
+from harness.tables.pairs import theoretical_error
+from harness.tables.table import Table, write_tables
+from harness.trials.specs import TrialSpec
+from harness.workers.pool import MakeExecutor, process_pool
+from harness.workers.runner import Task, run
 
 
 class TrialError(RuntimeError):

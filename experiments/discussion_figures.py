@@ -21,10 +21,10 @@ from experiments.discussion_tables import (
     table_of,
 )
 from experiments.discussion_trials import PLAIN, DiscussionExperiment
-from harness.figures_page import add_axes, new_figure, page_style, save
-from harness.looks import GREY, INK
-from harness.row_scores import within
-from harness.scoring import COARSE, wilson_interval
+from harness.figures.looks import GREY, INK
+from harness.figures.page import add_axes, new_figure, page_style, save
+from harness.scoring.poses import COARSE, wilson_interval
+from harness.scoring.row_scores import within
 
 METHODS = {"thesis": "#D55E00", "gauss_sphere": "#0072B2"}
 MARKERS = {"thesis": "o", "gauss_sphere": "s"}

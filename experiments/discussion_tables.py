@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 
 from experiments.discussion_trials import STAGES, DiscussionExperiment
-from harness.chance import median_text, rate
-from harness.row_scores import within
-from harness.schema import MethodChoice
-from harness.scoring import COARSE
-from harness.table_files import Table
-from harness.variants import variant_tables
+from harness.config.schema import MethodChoice
+from harness.scoring.chance import median_text, rate
+from harness.scoring.poses import COARSE
+from harness.scoring.row_scores import within
+from harness.tables.table import Table
+from harness.tables.variants import variant_tables
 from registration.scan import FloatArray
 
 # Shares of overlap; the low end belongs to its range.

@@ -11,12 +11,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from experiments.icp_on_top import ROUNDS
-from harness.config import overridden_mapping, validated
-from harness.config_errors import ConfigError
-from harness.schema import AimedView, Angle, Experiment, Length
+from harness.config.errors import ConfigError
+from harness.config.reading import overridden_mapping, validated
+from harness.config.schema import AimedView, Angle, Experiment, Length
+from harness.config.strict import Strict
 from harness.session import open_session
-from harness.strict import Strict
-from harness.trials import Trial
+from harness.trials.specs import Trial
 
 KIND = "discussion"
 Repeats = Annotated[int, Field(ge=1, le=10_000)]

@@ -18,11 +18,11 @@ from experiments.chapter_summary import PartResult
 from experiments.profile_figures import telling_pair
 from experiments.profile_pairs import register_profiles
 from harness.execution import perform
-from harness.figures_page import page_style, save
-from harness.pool import MakeExecutor, shutting_down
+from harness.figures.page import page_style, save
 from harness.provenance import code_fingerprint
-from harness.table_files import Table
-from harness.trials import Trial
+from harness.tables.table import Table
+from harness.trials.specs import Trial
+from harness.workers.pool import MakeExecutor, shutting_down
 
 METHOD = "thesis"
 LIST = "drawn.json"

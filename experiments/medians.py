@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.chance import median_interval
-from harness.row_scores import observed_quantile
-from harness.table_files import printed
+from harness.scoring.chance import median_interval
+from harness.scoring.row_scores import observed_quantile
+from harness.tables.table import printed
 from registration.scan import FloatArray
 
 

@@ -16,11 +16,11 @@ from rich.console import Console
 
 from experiments.cli import EXIT_FAILED, EXIT_OK
 from experiments.terminal import make_console
-from harness.clouds import write_merged
-from harness.config_errors import ConfigError
+from harness.config.errors import ConfigError
+from harness.figures.clouds import write_merged
 from harness.provenance import run_facts
 from harness.report.own_page import write_own_page
-from harness.scoring import six_parameters
+from harness.scoring.poses import six_parameters
 from registration.calibration import CalibrationError, read_calibration
 from registration.methods import UnknownMethodError, find_method, register
 from registration.peers import MissingPeerError

@@ -14,14 +14,14 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from harness.card import as_table, geometry_table
-from harness.choices import checked_params
-from harness.config import dump_yaml, overridden_mapping, validated
-from harness.config_errors import ConfigError, nearest
+from harness.config.choices import checked_params
+from harness.config.errors import ConfigError, nearest
+from harness.config.reading import dump_yaml, overridden_mapping, validated
+from harness.config.schema import Angle, Choice, Length, ScanSize
+from harness.config.strict import Strict
 from harness.provenance import code_fingerprint, note_run
-from harness.schema import Angle, Choice, Length, ScanSize
-from harness.strict import Strict
-from harness.table_files import Table, write_tables
+from harness.tables.card import as_table, geometry_table
+from harness.tables.table import Table, write_tables
 from registration.calibration import Calibration
 from registration.calibration_fit import TargetScan, fit_calibration
 from registration.scan import FloatArray, Scan

@@ -19,8 +19,8 @@ from experiments.precision import (
     raw,
 )
 from experiments.precision_spacing import WIDE_IN
-from harness.figures_page import LEFT_IN, add_axes, new_figure, page_style, save
-from harness.looks import MARK, SOURCE, TARGET
+from harness.figures.looks import MARK, SOURCE, TARGET
+from harness.figures.page import LEFT_IN, add_axes, new_figure, page_style, save
 from registration.calibration import Calibration
 from registration.scan import Scan
 from scenes.profile_samples import piece_of_foam, steps_before_a_glossy_box

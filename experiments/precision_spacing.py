@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.precision import FACING, RAW_Y, RAW_Z, Measurements, raw
-from harness.figures_page import LEFT_IN, WIDTH_IN, add_axes, new_figure
-from harness.looks import GREY, MARK, TARGET
+from harness.figures.looks import GREY, MARK, TARGET
+from harness.figures.page import LEFT_IN, WIDTH_IN, add_axes, new_figure
 from registration.scan import FloatArray
 from sensors.calibration import OFFSET_Z_MM, SPACINGS, fit_geometry
 from sensors.card import depth_steps_mm, spacings_mm

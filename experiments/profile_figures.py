@@ -16,7 +16,8 @@ from experiments.profile_pairs import (
     ProfilesExperiment,
     register_profiles,
 )
-from harness.figures_page import (
+from harness.figures.looks import GREY, INK, MARK, TARGET
+from harness.figures.page import (
     HEAD_IN,
     LEFT_IN,
     WIDTH_IN,
@@ -26,9 +27,8 @@ from harness.figures_page import (
     page_style,
     save,
 )
-from harness.looks import GREY, INK, MARK, TARGET
-from harness.pair_view import file_slug
-from harness.trials import Trial
+from harness.figures.pair_view import file_slug
+from harness.trials.specs import Trial
 from registration.planar.pipeline import PlanarEvidence
 
 FOOT_IN = 0.85

@@ -7,9 +7,9 @@ import pandas as pd
 
 from experiments.profile_pairs import ProfilePair, register_profiles
 from experiments.profile_tables import ranges
-from harness.scoring import six_parameters
-from harness.table_files import Table
-from harness.trials import Trial
+from harness.scoring.poses import six_parameters
+from harness.tables.table import Table
+from harness.trials.specs import Trial
 from registration.planar.circle import wrapped
 from registration.planar.overlap import line_table, total_overlaps
 from registration.planar.params import PlanarParams

@@ -17,18 +17,18 @@ from scipy.spatial.transform import RigidTransform
 
 from experiments import profile_means
 from experiments.profile_means import MOTION, outliers
-from harness.config import check_names, dump_yaml, overridden_mapping, validated
-from harness.config_errors import ConfigError
+from harness.config.errors import ConfigError
+from harness.config.reading import check_names, dump_yaml, overridden_mapping, validated
+from harness.config.resolved import with_defaults
+from harness.config.schema import Experiment
 from harness.execution import scan_view
-from harness.pool import MakeExecutor, shutting_down
 from harness.provenance import code_fingerprint, note_run
 from harness.report.packing import write_whole
-from harness.resolved import with_defaults
-from harness.schema import Experiment
-from harness.scoring import pose_error, six_parameters
-from harness.table_files import Table, write_tables
-from harness.trials import Trial, TrialSpec, build_trials
-from harness.view_tables import sensing_tables
+from harness.scoring.poses import pose_error, six_parameters
+from harness.tables.table import Table, write_tables
+from harness.tables.views import sensing_tables
+from harness.trials.specs import Trial, TrialSpec, build_trials
+from harness.workers.pool import MakeExecutor, shutting_down
 from registration.methods import METHODS, PROFILE_METHODS, find_method
 from registration.result import RegistrationResult
 from registration.scan import Scan

@@ -18,10 +18,10 @@ from experiments.profile_tables import (
     THESIS_SECONDS,
     printed_motion,
 )
-from harness.schema import Experiment
-from harness.scoring import six_parameters
-from harness.table_files import Table
-from harness.trials import Trial, full_specs
+from harness.config.schema import Experiment
+from harness.scoring.poses import six_parameters
+from harness.tables.table import Table
+from harness.trials.specs import Trial, full_specs
 from registration.scan import FloatArray
 from sensors.arm import ArmPath
 

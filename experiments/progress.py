@@ -11,9 +11,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Column
 
 from experiments.terminal import outcome, trial_name
-from harness.runner import Done
-from harness.scoring import COARSE
-from harness.store import Row
+from harness.scoring.poses import COARSE
+from harness.store.rows import Row
+from harness.workers.runner import Done
 
 # A line a trial where nobody watches a bar; of more trials, one now and then.
 MOST_LINES = 500

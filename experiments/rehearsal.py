@@ -14,7 +14,7 @@ from experiments.commands import available_cores, tell_beyond_reach, tell_left_o
 from experiments.progress import duration
 from experiments.terminal import make_console, outcome, trial_name
 from harness.session import Session
-from harness.trials import Trial
+from harness.trials.specs import Trial
 
 REHEARSED = 3  # trials that are timed
 

@@ -25,13 +25,13 @@ from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import kept_rows, run_profiles
 from experiments.rehearsal import dry_run
 from experiments.terminal import make_console, show_paths, show_tables
-from harness.config import dump_yaml
-from harness.config_errors import ConfigError
-from harness.pool import MakeExecutor, process_pool
+from harness.config.errors import ConfigError
+from harness.config.reading import dump_yaml
+from harness.config.schema import Experiment
 from harness.provenance import code_fingerprint, note_run
-from harness.schema import Experiment
-from harness.store import FILE_NAME, StoreError, load
-from harness.table_files import Table, write_tables
+from harness.store.rows import FILE_NAME, StoreError, load
+from harness.tables.table import Table, write_tables
+from harness.workers.pool import MakeExecutor, process_pool
 
 
 def run_chapters(

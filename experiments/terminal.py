@@ -9,9 +9,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from harness.store import Row
-from harness.table_files import Table
-from harness.trials import Trial
+from harness.store.rows import Row
+from harness.tables.table import Table
+from harness.trials.specs import Trial
 
 # Columns of text are as wide as their words where nobody watches: a log is not cut to 80 columns.
 LOG_WIDTH = 160

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from harness import diagnosis
-from harness.common_points import Common, common_points, pose_bounds
-from harness.face_gaps import FaceGaps, centroid_gaps
-from harness.pair_view import PairView
-from harness.random_pairs import NoPairError, RandomSpec, drawn_spec
+from harness.figures.pair_view import PairView
 from harness.recent import Recent
-from harness.scoring import encoder_pose, exact_pose, pose_error
-from harness.store import Row, RowStatus
-from harness.trials import Trial, TrialSpec
-from harness.views import ViewSpec
+from harness.scoring import diagnosis
+from harness.scoring.common_points import Common, common_points, pose_bounds
+from harness.scoring.face_gaps import FaceGaps, centroid_gaps
+from harness.scoring.poses import encoder_pose, exact_pose, pose_error
+from harness.store.rows import Row, RowStatus
+from harness.trials.random_pairs import NoPairError, RandomSpec, drawn_spec
+from harness.trials.specs import Trial, TrialSpec
+from harness.trials.views import ViewSpec
 from registration.methods import register
 from registration.result import RegistrationResult
 from registration.scan import FloatArray, Scan

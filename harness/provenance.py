@@ -23,8 +23,8 @@ ROOT = Path(__file__).resolve().parent.parent
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 CODE = ("registration", "scenes", "sensors")
 CODE_OF_TRIALS = (
-    "bound", "choices", "common_points", "diagnosis", "execution", "random_pairs", "scoring",
-    "trials", "views",
+    "config/choices", "execution", "scoring/bound", "scoring/common_points", "scoring/diagnosis",
+    "scoring/poses", "trials/random_pairs", "trials/specs", "trials/views",
 )  # fmt: skip
 
 

@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.choices import installed_methods
-from harness.config import AnyExperiment, dump_yaml, load_experiment, overridden_mapping
-from harness.face_gaps import FaceGaps
-from harness.lazy import Lazy
-from harness.pool import MakeExecutor
+from harness.config.choices import installed_methods
+from harness.config.random_schema import RandomPairsExperiment
+from harness.config.reading import AnyExperiment, dump_yaml, load_experiment, overridden_mapping
+from harness.config.resolved import resolved_config, with_defaults
 from harness.provenance import Sources, code_fingerprint, note_run
-from harness.random_pairs import build_random_trials
-from harness.random_schema import RandomPairsExperiment
 from harness.report.folder import FOLDER as RECORDS
-from harness.resolved import resolved_config, with_defaults
-from harness.runner import Done, Task, run
-from harness.store import Store, StoreError, load
-from harness.swept_trials import build_swept_trials
-from harness.table_files import Table, write_tables
-from harness.trials import Trial, Trials, TrialSpec, build_trials
+from harness.scoring.face_gaps import FaceGaps
+from harness.store.rows import Store, StoreError, load
+from harness.tables.table import Table, write_tables
+from harness.trials.lazy import Lazy
+from harness.trials.random_pairs import build_random_trials
+from harness.trials.specs import Trial, Trials, TrialSpec, build_trials
+from harness.trials.swept import build_swept_trials
+from harness.workers.pool import MakeExecutor
+from harness.workers.runner import Done, Task, run
 
 if TYPE_CHECKING:  # it takes 0.4 s to import, which the first trial need not wait for
     import pandas as pd
@@ -166,7 +166,7 @@ def draw_whole(session: Session, make_executor: MakeExecutor) -> list[Path]:
     """Draw what concerns no single pair: the arm, and all views superposed; returns the files."""
     if session.experiment.sweep is not None:
         return []
-    from harness.overview import draw_overview  # it brings matplotlib
+    from harness.figures.overview import draw_overview  # it brings matplotlib
 
     rows = load(session.folder)
     return draw_overview(session.trials, session.drawn_labels, rows, session.folder, make_executor)
@@ -179,11 +179,11 @@ def report(session: Session) -> list[Table]:
     and in the page, which nobody needs to see in the terminal at every run.
     """
     # They bring scipy.stats, which a run needs only when its last trial has ended.
-    from harness.random_tables import random_tables
-    from harness.sweep_tables import sweep_table
-    from harness.tables import all_tables
-    from harness.variants import variant_tables
-    from harness.view_tables import sensing_tables
+    from harness.tables.experiment import all_tables
+    from harness.tables.random_pairs import random_tables
+    from harness.tables.sweeps import sweep_table
+    from harness.tables.variants import variant_tables
+    from harness.tables.views import sensing_tables
 
     experiment = session.experiment
     rows = load(session.folder, arrays=experiment.sweep is None)
@@ -192,7 +192,7 @@ def report(session: Session) -> list[Table]:
     if experiment.sweep is not None:
         tables = [sweep_table(rows)]
     elif isinstance(experiment, RandomPairsExperiment):
-        from harness.random_figures import draw_random_figures
+        from harness.figures.random_pairs import draw_random_figures
 
         tables = random_tables(rows) + variant_tables(experiment.methods, rows, random=True)
         draw_random_figures(rows, session.folder / "figures")
@@ -200,7 +200,7 @@ def report(session: Session) -> list[Table]:
         tables = all_tables(experiment, rows, _gaps(session.trials, rows))
         tables += variant_tables(experiment.methods, rows, random=False)
     if isinstance(experiment, RandomPairsExperiment) and experiment.study:
-        from harness.study import draw_study, find
+        from harness.studies.study import draw_study, find
 
         findings = find(experiment, rows)
         draw_study(findings, session.folder / "figures")

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from harness.chance import rate
-from harness.config import AnyExperiment
-from harness.pair_tables import thesis_values
-from harness.row_scores import ERRORS, observed_quantile, within
-from harness.schema import Experiment
-from harness.scoring import COARSE, FINE, wilson_interval
-from harness.table_files import Table
+from harness.config.reading import AnyExperiment
+from harness.config.schema import Experiment
+from harness.scoring.chance import rate
+from harness.scoring.poses import COARSE, FINE, wilson_interval
+from harness.scoring.row_scores import ERRORS, observed_quantile, within
+from harness.tables.pairs import thesis_values
+from harness.tables.table import Table
 from registration.peers import PEERS
 
 OURS = "gauss_sphere"

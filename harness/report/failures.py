@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.notes import with_notes
 from harness.report.faults import stage_at_fault
 from harness.report.folder import still_path
 from harness.report.markup import escaped, table_markup
 from harness.report.offered import worst_first
 from harness.report.thumbnail import GAP, HEIGHT, WIDTH
-from harness.row_scores import within
-from harness.scoring import COARSE
-from harness.sweep import short_names
-from harness.sweep_tables import PREFIX, swept_keys
-from harness.table_files import Table
+from harness.scoring.poses import COARSE
+from harness.scoring.row_scores import within
+from harness.tables.notes import with_notes
+from harness.tables.sweeps import PREFIX, swept_keys
+from harness.tables.table import Table
+from harness.trials.points import short_names
 
 Command = Sequence[str]  # "run-experiment configs/desk.yaml ...", word by word
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from harness.table_files import Table
+from harness.tables.table import Table
 
 LONG_TEXT = 60  # characters
 SHOWN_ROWS = 300  # of a long table; the files have it all

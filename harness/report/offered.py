@@ -7,8 +7,8 @@ from collections.abc import Collection
 import numpy as np
 import pandas as pd
 
-from harness.row_scores import within
-from harness.scoring import COARSE
+from harness.scoring.poses import COARSE
+from harness.scoring.row_scores import within
 
 WORST = 6  # trials that are no success, of each experiment
 OF_A_KIND = 2  # of these, of one pair and method

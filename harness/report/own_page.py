@@ -8,16 +8,16 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import RigidTransform
 
-from harness.pair_tables import NAMES
-from harness.pair_view import PairView
+from harness.figures.pair_view import PairView
 from harness.report.folder import FOLDER, record_path
 from harness.report.packing import compressed, write_whole
 from harness.report.page import Part, Shown
 from harness.report.pair_record import write_pair
 from harness.report.run_page import write_page
 from harness.report.thumbnail import thumbnail
-from harness.scoring import six_parameters
-from harness.table_files import Table
+from harness.scoring.poses import six_parameters
+from harness.tables.pairs import NAMES
+from harness.tables.table import Table
 from registration.result import RegistrationResult
 from registration.scan import Scan
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.looks import INK, NORMAL_COLOURS, SOURCE, TARGET
+from harness.figures.looks import INK, NORMAL_COLOURS, SOURCE, TARGET
 from harness.report.failures import command_markup
 from harness.report.folder import record_path
 from harness.report.markup import (
@@ -27,7 +27,7 @@ from harness.report.markup import (
 from harness.report.packing import compressed
 from harness.report.pictures import load_pictures, pictures_markup
 from harness.report.study_still import study_still
-from harness.table_files import Table
+from harness.tables.table import Table
 
 ASSETS = Path(__file__).parent / "assets"
 FILE_NAME = "report.html"

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import RigidTransform
 
-from harness.pair_matches import palette_places, sorted_matches, spheres_of
-from harness.pair_view import PairView
+from harness.figures.pair_matches import palette_places, sorted_matches, spheres_of
+from harness.figures.pair_view import PairView
 from harness.report.nearness import surface_distance
 from harness.report.packing import packed
 from registration.gauss_sphere.evidence import (

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from harness.execution import full_spec, scene_of, sensor_of
-from harness.pair_view import PairView
+from harness.figures.pair_view import PairView
 from harness.report.folder import record_path
 from harness.report.packing import compressed, write_by_content, write_whole
 from harness.report.pair_layers import (
@@ -23,8 +23,8 @@ from harness.report.pair_layers import (
     surroundings_layer,
     view_layers,
 )
-from harness.scoring import pose_error
-from harness.trials import Trial
+from harness.scoring.poses import pose_error
+from harness.trials.specs import Trial
 
 ROLES = ("target", "source")
 

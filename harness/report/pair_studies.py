@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from harness.chance import FEWEST, median_interval
-from harness.random_groups import with_family
-from harness.random_schema import RandomPairsExperiment
+from harness.config.random_schema import RandomPairsExperiment
 from harness.report.studies import study
-from harness.study_overlap import ALL, ranges
-from harness.study_ranking import ranking_table
-from harness.sweep_tables import PREFIX
+from harness.scoring.chance import FEWEST, median_interval
+from harness.studies.overlap import ALL, ranges
+from harness.studies.ranking import ranking_table
+from harness.tables.random_groups import with_family
+from harness.tables.sweeps import PREFIX
 
 OVERLAP, METHOD, SCENES = "overlap (%)", "method", "scenes"
 

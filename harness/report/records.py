@@ -11,14 +11,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.pair_view import PairView
-from harness.pool import MakeExecutor
+from harness.figures.pair_view import PairView
 from harness.report.folder import record_path, still_path
 from harness.report.packing import write_whole
 from harness.report.pair_record import write_trial
 from harness.report.thumbnail import thumbnail
-from harness.scoring import COARSE, is_success, pose_error
-from harness.trials import Trial
+from harness.scoring.poses import COARSE, is_success, pose_error
+from harness.trials.specs import Trial
+from harness.workers.pool import MakeExecutor
 
 if TYPE_CHECKING:  # workers import this, and pandas would cost them 0.4 s
     import pandas as pd

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.config import load_experiment
-from harness.config_errors import ConfigError
-from harness.pool import MakeExecutor
-from harness.random_schema import RandomPairsExperiment
+from harness.config.errors import ConfigError
+from harness.config.random_schema import RandomPairsExperiment
+from harness.config.reading import load_experiment
 from harness.report.answer import answer_sentence, answer_table, main_label
 from harness.report.failures import failures_markup, failures_table, replay_command
 from harness.report.folder import FOLDER
@@ -22,10 +21,11 @@ from harness.report.page import FILE_NAME, Part, Shown, page_markup
 from harness.report.pair_studies import pair_study
 from harness.report.records import provided
 from harness.report.studies import study
-from harness.row_scores import ERRORS
+from harness.scoring.row_scores import ERRORS
 from harness.session import Session
-from harness.store import load
-from harness.table_files import Table, write_table
+from harness.store.rows import load
+from harness.tables.table import Table, write_table
+from harness.workers.pool import MakeExecutor
 
 LISTED = 20_000  # trials that are found by their id
 SENSOR_TABLES = ("sensor_card", "geometry_fits", "arm")

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from harness.row_scores import within
-from harness.scoring import COARSE, FINE, wilson_interval
-from harness.sweep import short_names
-from harness.sweep_tables import PREFIX, swept_keys
+from harness.scoring.poses import COARSE, FINE, wilson_interval
+from harness.scoring.row_scores import within
+from harness.tables.sweeps import PREFIX, swept_keys
+from harness.trials.points import short_names
 
 MOST_POINTS = 1500  # that a reader and a browser can tell apart
 LISTED_TRIALS = 60  # behind a point

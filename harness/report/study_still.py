@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.study_figures import colours_of
+from harness.studies.figures import colours_of
 
 COLUMNS, WIDE_IN, TALL_IN = 3, 4.2, 2.9
 MOST_BARS = 40  # of a panel; more intervals would hide each other

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageColor
 
-from harness.looks import FRONT, SOURCE, TARGET, TOP, limits
-from harness.pair_view import PairView
+from harness.figures.looks import FRONT, SOURCE, TARGET, TOP, limits
+from harness.figures.pair_view import PairView
 from registration.scan import FloatArray
 
 WIDTH, HEIGHT, GAP = 300, 260, 12

@@ -15,8 +15,8 @@ import pandas as pd
 import pytest
 
 from experiments.cli import main
-from harness.config import load_experiment, read_mapping
-from harness.store import load
+from harness.config.reading import load_experiment, read_mapping
+from harness.store.rows import load
 from sensors.calibration import PUBLISHED
 
 ROOT = Path(__file__).parents[2]

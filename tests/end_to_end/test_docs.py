@@ -24,10 +24,10 @@ from experiments.at_once import RUNS
 from experiments.chapters import KIND as CHAPTERS
 from experiments.chapters import load_chapters
 from experiments.cli import main
-from harness.config import experiment_kind, load_experiment
+from harness.config.reading import experiment_kind, load_experiment
 from harness.execution import perform
 from harness.session import open_session
-from harness.store import load
+from harness.store.rows import load
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes
 from sensors import SENSORS, threedx
 from sensors.jupiter import Jupiter, JupiterParams

@@ -20,12 +20,12 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 
 from experiments.cli import main
-from harness.config import load_experiment
-from harness.random_schema import RandomPairsExperiment
+from harness.config.random_schema import RandomPairsExperiment
+from harness.config.reading import load_experiment
 from harness.report.page import LARGEST_BYTES, Part, Shown, page_markup
 from harness.report.pair_studies import pair_study
 from harness.report.run_page import _listed
-from harness.store import load
+from harness.store.rows import load
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")

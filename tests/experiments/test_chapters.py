@@ -16,10 +16,10 @@ from experiments.chapters import load_chapters
 from experiments.cli import main
 from experiments.draw_chapters import draw_numbered, figure_table, shown_trials
 from experiments.medians import median_of
-from harness.chance import rate
+from harness.config.schema import Experiment
 from harness.report.page import LARGEST_BYTES
-from harness.schema import Experiment
-from harness.store import load
+from harness.scoring.chance import rate
+from harness.store.rows import load
 
 ROOT = Path(__file__).parents[2]
 THESIS = ROOT / "configs" / "thesis.yaml"

@@ -8,7 +8,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands import tell_long_check
-from harness.config import load_experiment
+from harness.config.reading import load_experiment
 
 ROOT = Path(__file__).parents[2]
 DESK = str(ROOT / "configs" / "desk.yaml")
@@ -130,7 +130,7 @@ def test_an_interrupt_leaves_the_fork_server_at_work() -> None:
     program = """
 import os, signal
 from multiprocessing import forkserver
-from harness.pool import process_pool
+from harness.workers.pool import process_pool
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 if __name__ == "__main__":
     make = process_pool(1)

@@ -15,7 +15,7 @@ from experiments.cli import main
 from experiments.discussion_tables import enough, moved_table, rms_interval, turned_table
 from experiments.discussion_trials import Asked, load_discussion
 from experiments.turned_rotation import Turning, turn
-from harness.pool import MakeExecutor, process_pool
+from harness.workers.pool import MakeExecutor, process_pool
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = [

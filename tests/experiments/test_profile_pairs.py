@@ -21,10 +21,10 @@ from experiments.profile_pairs import (
     run_profiles,
 )
 from experiments.profile_tables import profile_tables
-from harness.config_errors import ConfigError
-from harness.pool import process_pool
-from harness.scoring import six_parameters
-from harness.trials import TrialSpec
+from harness.config.errors import ConfigError
+from harness.scoring.poses import six_parameters
+from harness.trials.specs import TrialSpec
+from harness.workers.pool import process_pool
 from registration import Scan
 from registration.methods import find_method
 from sensors.arm import ArmPath

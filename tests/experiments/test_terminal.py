@@ -9,12 +9,12 @@ from rich.console import Console
 
 from experiments.progress import Tally, reporting
 from experiments.terminal import SHOWN_ROWS, show_tables
-from harness.child import Task
-from harness.config import load_experiment
-from harness.runner import Done
-from harness.store import Row
-from harness.table_files import Table
-from harness.trials import Trial, build_trials
+from harness.config.reading import load_experiment
+from harness.store.rows import Row
+from harness.tables.table import Table
+from harness.trials.specs import Trial, build_trials
+from harness.workers.child import Task
+from harness.workers.runner import Done
 
 
 @pytest.fixture

@@ -12,11 +12,11 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
+from harness.config.limits import Limits
 from harness.execution import perform
-from harness.limits import Limits
 from harness.session import execute, open_session, plan
-from harness.store import Store
-from harness.supervise import Ended, Origin
+from harness.store.rows import Store
+from harness.workers.supervise import Ended, Origin
 
 
 class Threads(ThreadPoolExecutor):

@@ -62,8 +62,8 @@ def test_the_lines_of_the_readme_and_a_killed_worker(
 def test_a_scheduler_that_is_not_there_is_told_in_a_line(
     cheap: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("harness.cluster.WAIT_S", 1.0)
-    from harness.cluster import ClusterError, cluster_pool
+    monkeypatch.setattr("harness.workers.cluster.WAIT_S", 1.0)
+    from harness.workers.cluster import ClusterError, cluster_pool
 
     address = f"tcp://127.0.0.1:{free_port()}"
     with pytest.raises(ClusterError, match=f"no scheduler answers at {address}") as caught:
@@ -75,12 +75,14 @@ def test_a_scheduler_that_is_not_there_is_told_in_a_line(
 
 
 def test_a_batch_that_the_other_side_cannot_read_is_told_in_a_line() -> None:
-    from harness.cluster import OtherCodeError, is_loss
+    from harness.workers.cluster import OtherCodeError, is_loss
 
     lacking = RuntimeError(
         "Error during deserialization of the task graph. This frequently\noccurs"
     )
-    lacking.__cause__ = AttributeError("Can't get attribute 'Task' on <module 'harness.child'>")
+    lacking.__cause__ = AttributeError(
+        "Can't get attribute 'Task' on <module 'harness.workers.child'>"
+    )
     for error in (lacking, ModuleNotFoundError("No module named 'harness'")):
         with pytest.raises(OtherCodeError, match="start them anew") as caught:
             is_loss(error)

@@ -11,12 +11,12 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from experiments.cli import main
-from harness.config import load_experiment
-from harness.config_errors import ConfigError
+from harness.config.errors import ConfigError
+from harness.config.reading import load_experiment
 from harness.execution import perform, scan_view
-from harness.scoring import encoder_pose, exact_pose, pose_error
-from harness.trials import Trial, TrialSpec, beyond_reach, build_trials
-from harness.view_tables import arm_table
+from harness.scoring.poses import encoder_pose, exact_pose, pose_error
+from harness.tables.views import arm_table
+from harness.trials.specs import Trial, TrialSpec, beyond_reach, build_trials
 from sensors.arm import ArmParams, ArmPath
 
 DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"

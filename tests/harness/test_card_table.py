@@ -1,6 +1,6 @@
 import pytest
 
-from harness.card import as_table, card_table, geometry_table
+from harness.tables.card import as_table, card_table, geometry_table
 from sensors import SENSORS, SensorEntry
 from sensors.calibration import PUBLISHED
 from sensors.card import CardRow

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from harness.clouds import SOURCE_RGB, TARGET_RGB, write_clouds
-from harness.config import load_experiment
+from harness.config.reading import load_experiment
 from harness.execution import perform
-from harness.pair_view import file_slug
-from harness.trials import build_trials
+from harness.figures.clouds import SOURCE_RGB, TARGET_RGB, write_clouds
+from harness.figures.pair_view import file_slug
+from harness.trials.specs import build_trials
 
 
 def test_clouds_hold_the_measured_points(small_file: Path, tmp_path: Path) -> None:

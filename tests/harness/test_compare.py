@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.cli import main
-from harness.chance import sign_test
-from harness.compare import (
+from harness.scoring.chance import sign_test
+from harness.tables.compare import (
     changed_table,
     comparison_table,
     matched,

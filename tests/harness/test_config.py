@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.config import load_experiment
-from harness.config_errors import ConfigError
-from harness.trials import build_trials
+from harness.config.errors import ConfigError
+from harness.config.reading import load_experiment
+from harness.trials.specs import build_trials
 
 
 def refusal(file: Path, *overrides: str) -> str:

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.common_points import common_points
-from harness.diagnosis import (
+from harness.scoring.common_points import common_points
+from harness.scoring.diagnosis import (
     only,
     register_with_true_patches,
     register_with_true_rotation,
@@ -12,7 +12,7 @@ from harness.diagnosis import (
     true_segments,
     visible_parts,
 )
-from harness.scoring import exact_pose, pose_error
+from harness.scoring.poses import exact_pose, pose_error
 from registration.thesis.params import ThesisParams
 from scenes.desk import DeskParams, desk
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes

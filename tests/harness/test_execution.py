@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from harness.config import load_experiment
+from harness.config.reading import load_experiment
 from harness.execution import Recent, perform
-from harness.scoring import exact_pose
-from harness.trials import build_trials
+from harness.scoring.poses import exact_pose
+from harness.trials.specs import build_trials
 from registration import register
 from scenes.desk import DeskParams, desk
 from scenes.scene import Scene

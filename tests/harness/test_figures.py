@@ -11,17 +11,17 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from harness.figures import KINDS, draw_pair
-from harness.figures_page import MAX_POINTS, projections, thinned
-from harness.figures_planes import normal_colours
-from harness.figures_point_labels import draw_labelled_points
-from harness.figures_shifts import box_edges
-from harness.figures_superposition import draw_superposition
-from harness.looks import FRONT, TOP, limits
-from harness.pair_matches import sorted_matches
-from harness.pair_view import PairView
+from harness.figures.looks import FRONT, TOP, limits
+from harness.figures.page import MAX_POINTS, projections, thinned
+from harness.figures.pair import KINDS, draw_pair
+from harness.figures.pair_matches import sorted_matches
+from harness.figures.pair_view import PairView
+from harness.figures.planes import normal_colours
+from harness.figures.point_labels import draw_labelled_points
+from harness.figures.shifts import box_edges
+from harness.figures.superposition import draw_superposition
 from harness.report.pair_layers import view_layers
-from harness.scoring import exact_pose
+from harness.scoring.poses import exact_pose
 from registration import RegistrationResult, Scan, register
 from registration.gauss_sphere.evidence import patch_of_points
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes

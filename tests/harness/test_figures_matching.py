@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from harness.figures_matching import telling_patches
+from harness.figures.matching import telling_patches
 from registration.thesis.patches import Patches
 from registration.thesis.translation import Shifts
 

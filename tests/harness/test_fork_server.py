@@ -5,7 +5,8 @@ import sys
 
 import pytest
 
-from harness import fork_server, schema
+from harness.config import schema
+from harness.workers import fork_server
 from sensors import paths
 
 
@@ -17,7 +18,7 @@ def loaded(module: str, *heavy: str) -> set[str]:
     return set(heavy) & set(answer.stdout.split())
 
 
-@pytest.mark.parametrize("module", ["harness.config", "harness.fork_server"])
+@pytest.mark.parametrize("module", ["harness.config.reading", "harness.workers.fork_server"])
 def test_the_server_is_started_before_anything_heavy_is_imported(module: str) -> None:
     heavy = ("numpy", "scipy", "numba", "mujoco", "pandas", "matplotlib", "trimesh", "rich")
     assert loaded(module, *heavy) == set()

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from experiments.rehearsal import size_of
-from harness.config_errors import ConfigError
-from harness.lazy import Lazy
+from harness.config.errors import ConfigError
 from harness.session import open_session, plan
-from harness.store import Store
+from harness.store.rows import Store
+from harness.trials.lazy import Lazy
 
 REPEATS = 4000
 

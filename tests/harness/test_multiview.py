@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from harness.config import load_experiment
-from harness.multiview import (
+from harness.config.reading import load_experiment
+from harness.scoring.multiview import (
     NO_COVARIANCE,
     estimates,
     loop_tables,

@@ -8,21 +8,22 @@ from pathlib import Path
 
 import pytest
 
-from harness import execution, random_pairs
-from harness.child import Task
-from harness.config import load_experiment
-from harness.config_errors import ConfigError
-from harness.limits import Limits
-from harness.random_pairs import (
+from harness import execution
+from harness.config.errors import ConfigError
+from harness.config.limits import Limits
+from harness.config.reading import load_experiment
+from harness.session import open_session
+from harness.trials import random_pairs
+from harness.trials.random_pairs import (
     NoPairError,
     RandomSpec,
     build_random_trials,
     drawn_spec,
     family_of,
 )
-from harness.session import open_session
-from harness.supervise import perform_all
-from harness.trials import Trial, TrialSpec, canonical_json
+from harness.trials.specs import Trial, TrialSpec, canonical_json
+from harness.workers.child import Task
+from harness.workers.supervise import perform_all
 from sensors.noise import NoiseParams
 
 CONFIG = """\

@@ -5,18 +5,18 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from harness.bound import parameter_deviations
-from harness.normalised_errors import squared_distances
-from harness.pair_tables import NAMES
-from harness.random_groups import BANDS, THRESHOLDS, with_family
-from harness.random_tables import (
+from harness.scoring.bound import parameter_deviations
+from harness.scoring.normalised_errors import squared_distances
+from harness.scoring.poses import FINE, PARAMETERS, parameter_errors, pose_error, six_parameters
+from harness.tables.pairs import NAMES
+from harness.tables.random_groups import PARTS, THRESHOLDS, with_family
+from harness.tables.random_pairs import (
     bound_table,
     calibration_table,
     random_tables,
     success_table,
     wrong_table,
 )
-from harness.scoring import FINE, PARAMETERS, parameter_errors, pose_error, six_parameters
 
 COVARIANCE = np.diag([1e-3, 2e-3, 5e-4, 0.4, 0.3, 0.6]) ** 2
 
@@ -124,9 +124,16 @@ def test_every_table_is_made_and_bands_and_thresholds_are_whole(normal_rows) -> 
         "success", "accuracy", "curves", "bound", "calibration", "times", "statuses",
     }  # fmt: skip
     assert FINE in THRESHOLDS
-    for low, high in ((0.2, 0.4), (0.4, 0.6), (0.6, 1.0)):
-        assert sum(band.low <= (low + high) / 2 < band.high for band in BANDS[:3]) == 1
-    assert sum(band.low <= 1.0 < band.high for band in BANDS[:3]) == 1
+    for overlap in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 1.0):
+        assert sum(band.low <= overlap < band.high for band in PARTS) == 1
+
+
+def test_pairs_of_little_overlap_are_counted_by_themselves() -> None:
+    rows = rows_with([np.zeros(6)] * 3, ["ok", "ok", "failed"], [0.1, 0.3, 0.15])
+    of = success_table(rows).frame.set_index(["Scenes", "Overlap"])
+    assert of.loc[("all", "below 0.2"), "Pairs"] == 2
+    assert of.loc[("all", "0.2 to 0.4"), "Pairs"] == 1
+    assert of.loc[("all", "0.2 to 0.4"), "Within 1 deg and 5 mm"].startswith("100.0%")
 
 
 def test_bounds_of_a_pair_scale_its_own_errors(normal_rows: pd.DataFrame) -> None:

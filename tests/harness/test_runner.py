@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from harness.cluster import OtherCodeError
-from harness.pool import process_pool
-from harness.runner import Task, run
 from harness.session import execute, open_session, plan
-from harness.store import Store, load
+from harness.store.rows import Store, load
+from harness.workers.cluster import OtherCodeError
+from harness.workers.pool import process_pool
+from harness.workers.runner import Task, run
 
 MIXED = (
     "methods=[{name: 'own_methods:give_up'}, {name: 'own_methods:die'}, "
@@ -129,7 +129,7 @@ def test_workers_that_loaded_other_code_are_refused(
 def test_a_run_starts_without_what_only_its_tables_need(small_file: Path, tmp_path: Path) -> None:
     program = (
         "import sys; from pathlib import Path; import experiments.commands; "
-        "from harness.session import open_session, plan; from harness.store import Store\n"
+        "from harness.session import open_session, plan; from harness.store.rows import Store\n"
         "session = open_session(Path(sys.argv[1]), Path(sys.argv[2]))\n"
         "with Store(session.folder) as store: plan(session, store)\n"
         "print({'pandas', 'matplotlib', 'scipy.stats'} & sys.modules.keys())"

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from harness.scoring import (
+from harness.scoring.poses import (
     COARSE,
     FINE,
     PoseError,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from harness.scoring import six_parameters
+from harness.scoring.poses import six_parameters
 from harness.session import open_session
-from harness.store import FILE_NAME, Row, Store, StoreError, load
+from harness.store.rows import FILE_NAME, Row, Store, StoreError, load
 
 
 def poses(rng: np.random.Generator) -> tuple[RigidTransform, RigidTransform]:

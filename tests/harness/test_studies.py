@@ -11,20 +11,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness import choices
-from harness.config import load_experiment, validated
-from harness.config_errors import ConfigError
+from harness.config import choices
+from harness.config.errors import ConfigError
+from harness.config.random_schema import RandomPairsExperiment
+from harness.config.reading import load_experiment, validated
+from harness.config.study_schema import Study
+from harness.config.sweep_schema import Sweep
 from harness.execution import full_spec
-from harness.figures_page import page_style
-from harness.random_pairs import build_random_trials
-from harness.random_schema import RandomPairsExperiment
+from harness.figures.page import page_style
 from harness.recent import Recent
-from harness.study import Findings, draw_study, find
-from harness.study_indices import sobol_indices
-from harness.study_numbers import beyond_chance, gained_lost, outcomes
-from harness.study_schema import Study
-from harness.sweep import point_count, sweep_points
-from harness.sweep_schema import Sweep
+from harness.studies.indices import sobol_indices
+from harness.studies.numbers import beyond_chance, gained_lost, outcomes
+from harness.studies.study import Findings, draw_study, find
+from harness.trials.points import point_count, sweep_points
+from harness.trials.random_pairs import build_random_trials
 from registration.peers import MissingPeerError
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -10,14 +10,14 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.config import validated
-from harness.config_errors import ConfigError
-from harness.resolved import resolved_config
+from harness.config.errors import ConfigError
+from harness.config.reading import validated
+from harness.config.resolved import resolved_config
+from harness.config.sweep_schema import Sweep
 from harness.session import open_session
-from harness.store import Row, Store, load
-from harness.sweep import Point, point_count, short_names, sweep_points, unit_design
-from harness.sweep_schema import Sweep
-from harness.sweep_tables import sweep_table
+from harness.store.rows import Row, Store, load
+from harness.tables.sweeps import sweep_table
+from harness.trials.points import Point, point_count, short_names, sweep_points, unit_design
 from sensors.noise import NoiseParams
 
 NOISE = "sensor.params.noise.sigma_far_mm"
@@ -294,10 +294,10 @@ def test_random_pairs_are_swept_too(tmp_path: Path) -> None:
 @settings(max_examples=25)
 def test_kept_texts_are_the_canonical_ones(data: st.DataObject) -> None:
     """Ids are hashes of texts put together from kept pieces; they are those of the whole."""
-    from harness.choices import Chosen, canonical_json
-    from harness.schema import AimedView
-    from harness.trials import TrialSpec
-    from harness.views import PoseStep, ViewSpec
+    from harness.config.choices import Chosen, canonical_json
+    from harness.config.schema import AimedView
+    from harness.trials.specs import TrialSpec
+    from harness.trials.views import PoseStep, ViewSpec
 
     numbers = st.floats(-1e6, 1e6)
     vectors = st.tuples(numbers, numbers, numbers)

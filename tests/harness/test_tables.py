@@ -7,21 +7,21 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from harness.config import load_experiment
-from harness.face_gaps import FaceGaps
-from harness.pair_tables import pair_tables
-from harness.schema import Experiment
-from harness.scoring import PARAMETERS, pose_error, pose_from_parameters
+from harness.config.reading import load_experiment
+from harness.config.schema import Experiment
+from harness.scoring.face_gaps import FaceGaps
+from harness.scoring.poses import PARAMETERS, pose_error, pose_from_parameters
 from harness.session import open_session
-from harness.store import Row, Store, load
-from harness.table_files import Table, write_tables
-from harness.tables import (
+from harness.store.rows import Row, Store, load
+from harness.tables.experiment import (
     accuracy_table,
     all_tables,
     failure_table,
     stage_table,
     success_table,
 )
+from harness.tables.pairs import pair_tables
+from harness.tables.table import Table, write_tables
 
 DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"
 EXACT = np.array([-25.44, 0.0, 0.0, 0.0, -410.2, 188.8])

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import yaml
 
-from harness.config import load_experiment, read_mapping
-from harness.config_errors import ConfigError
-from harness.resolved import resolved_config
-from harness.schema import PrintedPose
-from harness.scoring import encoder_pose, exact_pose, pose_error, six_parameters
+from harness.config.errors import ConfigError
+from harness.config.reading import load_experiment, read_mapping
+from harness.config.resolved import resolved_config
+from harness.config.schema import PrintedPose
+from harness.scoring.poses import encoder_pose, exact_pose, pose_error, six_parameters
 from harness.session import open_session
-from harness.trials import Chosen, build_trials
-from harness.views import relabelled
+from harness.trials.specs import Chosen, build_trials
+from harness.trials.views import relabelled
 
 # Those that make trials: an `experiment:` of its own, as precision.yaml, is read by its own code.
 CONFIGS = [

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from harness.chance import FEWEST, LEVEL, median_interval
-from harness.schema import MethodChoice
-from harness.variants import variant_tables
+from harness.config.schema import MethodChoice
+from harness.scoring.chance import FEWEST, LEVEL, median_interval
+from harness.tables.variants import variant_tables
 
 METHODS = [
     MethodChoice(name="thesis", label="plain"),

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.config import load_experiment
-from harness.config_errors import ConfigError
-from harness.trials import TrialSpec, build_trials, canonical_json
-from harness.views import ViewSpec
+from harness.config.errors import ConfigError
+from harness.config.reading import load_experiment
+from harness.trials.specs import TrialSpec, build_trials, canonical_json
+from harness.trials.views import ViewSpec
 from sensors import f3
 from sensors.arm import ArmParams, ArmPath
 

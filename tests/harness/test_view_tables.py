@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.config import load_experiment
+from harness.config.reading import load_experiment
 from harness.session import open_session
-from harness.store import Row, Store, load
-from harness.view_tables import compaction_table
+from harness.store.rows import Row, Store, load
+from harness.tables.views import compaction_table
 
 FOAM = Path(__file__).parents[2] / "configs" / "foam.yaml"
 TWICE = ["methods=[{name: thesis}, {name: gauss_sphere}]", "repeats=2"]

@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from experiments.profile_pairs import load_profiles
-from harness.config import experiment_kind, load_experiment, read_mapping
-from harness.trials import build_trials, full_specs
+from harness.config.reading import experiment_kind, load_experiment, read_mapping
+from harness.trials.specs import build_trials, full_specs
 from scenes import SCENES
 from sensors import arm, f3
 from sensors.arm import TOOL_CENTRE_POINT, ArmParams, ReachError, viewing_line

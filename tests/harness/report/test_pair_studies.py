@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.config import load_experiment
-from harness.random_schema import RandomPairsExperiment
+from harness.config.random_schema import RandomPairsExperiment
+from harness.config.reading import load_experiment
 from harness.report.pair_studies import pair_study
-from harness.study import find
+from harness.studies.study import find
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 METHODS = ("thesis", "gauss_sphere")

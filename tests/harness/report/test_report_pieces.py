@@ -30,7 +30,7 @@ from harness.report.page import Part, Shown, page_markup
 from harness.report.pictures import load_pictures
 from harness.report.run_page import LISTED, _listed
 from harness.report.studies import MOST_POINTS, study
-from harness.table_files import Table
+from harness.tables.table import Table
 from registration import Scan, register
 from registration.result import STAGES
 
