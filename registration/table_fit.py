@@ -7,12 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import solve_triangular
 
 from registration.calibration import Table, cell
 from registration.scan import FloatArray, IntArray
 
 # What a table is expected to have little of: along depth third differences, as a constant error on
-# a sensor's image grows with the square of the depth, along the other coordinate second ones.
+# a sensor's image grows with the square of the depth, along the other coordinate second ones. Of
+# few nodes one order less than there are.
 ALONG_DEPTH, ALONG_AT = 3, 2
 STIFFNESSES = 10.0 ** np.arange(-5, 6)  # that are tried, in units of the data's weight in a node
 
@@ -91,24 +93,35 @@ def fitted_table(
 def _likeliest(
     of_data: FloatArray, pull: FloatArray, weight: float, depths_mm: FloatArray, nodes: FloatArray
 ) -> FloatArray:
-    """The information of the data with that of the stiffness that makes the data most likely."""
+    """The information of the data with that of the stiffness that makes the data most likely.
+
+    Raises ValueError where the values leave the table open.
+    """
     rows, columns = len(depths_mm), len(nodes)
     along_depth, along_at = roughness(depths_mm, ALONG_DEPTH), roughness(nodes, ALONG_AT)
     of_depth, of_at = np.kron(along_depth, np.eye(columns)), np.kron(np.eye(rows), along_at)
     eigenvalues = np.linalg.eigvalsh(along_depth), np.linalg.eigvalsh(along_at)
-    # Polynomials of low degree have no roughness at all, and stay free whatever the stiffness.
-    free = _order(rows, ALONG_DEPTH) * _order(columns, ALONG_AT)
-    best, most = of_data, -np.inf
+    # Polynomials of low degree have no roughness, and stay free whatever the stiffness: exactly 0,
+    # as what rounding leaves of it may be more than the other coordinate's.
+    free = _order(rows, ALONG_DEPTH), _order(columns, ALONG_AT)
+    for values, n in zip(eigenvalues, free, strict=True):
+        values[:n] = 0.0
+    best, most = None, -np.inf
     for stiffness in product(weight * STIFFNESSES, repeat=2):
         information = of_data.copy()
         information[: len(of_at), : len(of_at)] += stiffness[0] * of_depth + stiffness[1] * of_at
-        root = np.linalg.cholesky(information)
-        explained = np.linalg.solve(root, pull)
+        try:
+            root = np.linalg.cholesky(information)
+        except np.linalg.LinAlgError:  # too stiff along one, too soft along the other, to rounding
+            continue
+        explained = solve_triangular(root, pull, lower=True)
         of_both = np.add.outer(stiffness[0] * eigenvalues[0], stiffness[1] * eigenvalues[1])
         evidence = 0.5 * float(explained @ explained) - np.log(np.diag(root)).sum()
-        evidence += 0.5 * np.log(np.sort(of_both, axis=None)[free:]).sum()
+        evidence += 0.5 * np.log(of_both[of_both > 0.0]).sum()
         if evidence > most:
             best, most = information, evidence
+    if best is None:
+        raise ValueError("the values leave the table open, whatever its stiffness")
     return best
 
 

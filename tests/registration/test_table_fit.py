@@ -33,7 +33,7 @@ def fitted(
     return fitted_table(*at, of, np.ones(len(of)), depths_mm, NODES, nuisance)
 
 
-def test_what_has_noroughness_comes_back_exactly_from_uneven_nodes() -> None:
+def test_what_has_no_roughness_comes_back_exactly_from_uneven_nodes() -> None:
     depth, node = np.meshgrid(DEPTHS_MM / 1000.0, NODES, indexing="ij")
     exact = (1.0 + depth - 3.0 * depth**2) * (0.5 - 2.0 * node)
     at = places(5000, np.random.default_rng(1))
@@ -90,3 +90,24 @@ def test_what_moves_whole_groups_is_told_from_the_table() -> None:
     moved = np.array([found.nuisance[group == k].mean() for k in range(40)])
     assert moved - moved.mean() == pytest.approx(offset - offset.mean(), abs=0.02)
     assert np.ptp(found.table.value_mm, axis=0).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    "depths_mm", [[300, 331, 362, 1100], [300, 331, 362, 393, 1100], [200, 231, 262, 700, 1500]]
+)
+def test_distances_may_stand_anyhow(depths_mm: list[float]) -> None:
+    rng = np.random.default_rng(6)
+    depth_mm = rng.uniform(depths_mm[0], depths_mm[-1], 8000)
+    at = depth_mm, rng.uniform(0.0, 1.0, 8000)
+    of = depth_mm / 1000.0 + at[1] + 0.1 * rng.standard_normal(8000)
+    found = fitted(of, at, depths_mm=np.array(depths_mm, dtype=float)).table.value_mm
+    exact = np.array(depths_mm)[:, None] / 1000.0 + NODES
+    assert found == pytest.approx(exact, abs=0.05)
+
+
+def test_groups_may_lack_numbers() -> None:
+    rng = np.random.default_rng(7)
+    at, group = places(5000, rng), rng.choice([0, 3, 7], 5000)
+    nuisance = Nuisance(group, np.ones((5000, 1)), np.array([0.5]))
+    found = fitted(at[1] + 0.2 * (group == 3), at, nuisance)
+    assert np.ptp(found.table.value_mm, axis=0).max() < 0.02

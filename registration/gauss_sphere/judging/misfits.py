@@ -13,7 +13,9 @@ from registration.gauss_sphere.refinement.settling import make_likely
 from registration.gauss_sphere.view import View
 
 LEAST_FITTING = 2.0 / 3.0  # of the pairs: poses that are turned by a like thing lose more
-LEAST_PLANES = 3  # where next to nothing is in free space, which turned poses put some surface in
+# Enough where next to nothing is in free space, which turned poses put some surface in, and planes
+# agree without a large systematic error, which could make any few of them agree.
+LEAST_PLANES, MOST_FLOOR_MM = 3, 0.12
 
 
 def without_misfits(
@@ -29,10 +31,8 @@ def without_misfits(
     if fits.all() or not open_directions_of(pose, target, params.decision).size:
         return pose
     pairs, distance2 = pose.pairs[fits], np.empty(np.count_nonzero(fits))
-    least, share = params.decision.sure_planes, LEAST_FITTING
-    if is_plain(pose, params.decision):
-        least, share = LEAST_PLANES, 0.0
-    if pairs.shape[0] < max(least, share * fits.size):
+    many = pairs.shape[0] >= max(params.decision.sure_planes, LEAST_FITTING * fits.size)
+    if (not many and not is_plain(pose, params.decision)) or pairs.shape[0] < LEAST_PLANES:
         return pose
     r, t, information, sure = pose.rotation.copy(), pose.shift_mm.copy(), *np.zeros((2, 6, 6))
     floor_mm = make_likely(
@@ -41,8 +41,10 @@ def without_misfits(
     )  # fmt: skip
     fitting = Settled(r, t, information, sure, floor_mm, pairs, distance2, pose.areas, pose.score)
     fitting = scored(fitting, target, source, params)
-    if agreeing_planes(fitting, target, params.decision) < least:
-        return pose
-    if share == 0.0 and floor_mm > params.whole_planes.most_floor_mm:
+    agreeing = agreeing_planes(fitting, target, params.decision)
+    strict = many and agreeing >= params.decision.sure_planes
+    exact = floor_mm <= max(MOST_FLOOR_MM, floors_of(params)[0])
+    plain = is_plain(pose, params.decision) and is_plain(fitting, params.decision)
+    if not strict and not (plain and exact and agreeing >= LEAST_PLANES):
         return pose
     return pose if open_directions_of(fitting, target, params.decision).size else fitting

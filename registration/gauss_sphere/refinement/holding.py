@@ -51,7 +51,10 @@ def held_where_it_is(
 def hold(
     held: Held, r: FloatArray, t: FloatArray, hessian: FloatArray, gradient: FloatArray
 ) -> float:
-    """Add to gradient and Hessian what holds a pose; its cost."""
+    """Add to gradient and Hessian what holds a pose; its cost.
+
+    A turn by an angle costs 2 (1 - cos), in squared deviations: the square where it is small.
+    """
     weight, of_turn, cost, far2 = 1.0 / (held.mm * held.mm), 1.0 / (held.rad * held.rad), 0.0, 0.0
     place, away = np.empty(3), np.empty(3)
     for u in range(3):
@@ -64,10 +67,10 @@ def hold(
     # A perturbation (w, v) on the left moves the place by w x place + v.
     for u in range(3):
         v, w = (u + 1) % 3, (u + 2) % 3
-        turn = 0.0  # from the rotation as it was, about axis u
+        turn = 0.0  # from the rotation as it was: its sine, about axis u
         for k in range(3):
             turn += 0.5 * (r[w, k] * held.rotation[v, k] - r[v, k] * held.rotation[w, k])
-        cost += of_turn * turn * turn
+            cost += of_turn * (1.0 / 3.0 - r[u, k] * held.rotation[u, k])
         gradient[u] += of_turn * turn
         hessian[u, u] += of_turn
         gradient[u] += weight * (place[v] * away[w] - place[w] * away[v])

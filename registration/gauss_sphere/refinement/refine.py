@@ -173,9 +173,10 @@ def maximise(
     Each view has measured (tilt, tilt, offset) of a plane with the covariance of its own fit; under
     the pose their difference has the sum of both covariances. Gauss-Newton with
     Levenberg-Marquardt damping on it attains the Cramer-Rao bound with the plane parameters as
-    nuisances. A heavy tail keeps single wrong pairs from bending the pose, which is held, softly,
-    at the middle of the matched surface: along a direction that no plane fixes, the noise of the
-    normals would carry it away. The information is that of the planes alone.
+    nuisances. A heavy tail keeps single wrong pairs from bending the pose. Its rotation, and the
+    middle of the matched surface, are held, softly, where they are: along a direction that no plane
+    fixes, the noise of the normals would carry the pose away. The information is that of the
+    planes alone.
 
     pairs: (m, 2) target and source patch.  floor_mm: systematic error of a plane's offset, and over
     the lever of its tilt, added to every covariance.  r (3, 3), t (3,): the pose, changed in place.

@@ -75,6 +75,18 @@ def test_most_pairs_may_not_fit_where_nothing_is_in_free_space() -> None:
     np.testing.assert_allclose(fitting.shift_mm, pose.shift_mm, atol=1.0)
 
 
+def test_a_large_systematic_error_asks_for_most_pairs() -> None:
+    target, source, pose = settled(0)
+    coarse = replace(PARAMS, refine=replace(PARAMS.refine, floors_mm=(0.005, 0.5)))
+    far = replace(coarse, refine=replace(coarse.refine, consistent_distance2=1e-9))
+    plain = np.where(np.arange(2) == CONTRADICTION, 0.0, pose.areas)
+    many = with_false_pairs(pose, target, source, 2 * len(pose.pairs))._replace(areas=plain)
+    assert without_misfits(many, target, source, coarse) is not many
+    assert without_misfits(many, target, source, far) is many  # only the larger one explains them
+    few = with_false_pairs(pose, target, source, 2)._replace(areas=plain)
+    assert without_misfits(few, target, source, far) is not few
+
+
 def test_a_pose_stays_where_nothing_is_open_or_too_many_do_not_fit() -> None:
     target, source, pose = settled(0)
     assert without_misfits(pose, target, source, PARAMS) is pose

@@ -23,7 +23,9 @@ from registration import RegistrationResult, register
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.judging.open_directions import is_elsewhere, uncertainty
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, RefineParams
+from registration.gauss_sphere.refinement.holding import Held, hold
 from registration.gauss_sphere.refinement.matching import settle_best
+from registration.scan import FloatArray
 
 
 def in_room(place_mm: np.ndarray) -> RigidTransform:
@@ -128,6 +130,28 @@ def test_what_no_plane_fixes_is_not_turned_away() -> None:
     pairs = [terraces(np.random.default_rng(seed)) for seed in range(8)]
     assert max(turned_from_the_truth_deg(pair, held) for pair in pairs) < 15.0
     assert max(turned_from_the_truth_deg(pair, free) for pair in pairs) > 60.0
+
+
+@pytest.mark.parametrize("turn_rad", [0.01, 0.5, 1.5, 3.0])
+def test_a_hold_pulls_as_its_cost_falls(turn_rad: float) -> None:
+    rng = np.random.default_rng(3)
+    start, axis = Rotation.random(rng=rng), rng.standard_normal(3)
+    middle, at_mm = rng.uniform(-300.0, 300.0, (2, 3))
+    held = Held(middle, start.inv().apply(middle - at_mm), start.as_matrix(), 10.0, 0.1)
+    turned = Rotation.from_rotvec(turn_rad * axis / np.linalg.norm(axis)) * start
+    pose = RigidTransform.from_components(at_mm + rng.normal(0.0, 5.0, 3), turned)
+
+    def cost_and_gradient(step: FloatArray) -> tuple[float, FloatArray]:
+        by = RigidTransform.from_components(step[3:], Rotation.from_rotvec(step[:3])) * pose
+        hessian, gradient = np.zeros((6, 6)), np.zeros(6)
+        r, t = np.ascontiguousarray(by.rotation.as_matrix()), np.ascontiguousarray(by.translation)
+        return hold(held, r, t, hessian, gradient), gradient
+
+    _, gradient = cost_and_gradient(np.zeros(6))
+    for u in range(6):
+        step = 1e-5 * np.eye(6)[u]
+        slope = (cost_and_gradient(step)[0] - cost_and_gradient(-step)[0]) / 2e-5
+        assert 2.0 * gradient[u] == pytest.approx(slope, rel=1e-4, abs=1e-4)
 
 
 def shelf(rng: np.random.Generator) -> Pair:
