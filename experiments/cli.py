@@ -66,7 +66,7 @@ def _main(options: argparse.Namespace) -> int:
             raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     except ConfigError as error:
         return _refuse(error)
-    from harness.store.rows import StoreError
+    from harness.store import StoreError
     from harness.workers.cluster import ClusterError
 
     try:
@@ -118,7 +118,7 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
     from experiments.discussion import replay_asked, run_discussion
     from experiments.discussion_trials import KIND as DISCUSSION
     from harness.config.errors import ConfigError
-    from harness.store.rows import StoreError
+    from harness.store import StoreError
 
     for name in NEED_TRIALS:
         if getattr(options, name) and (name, kind) != ("trial", DISCUSSION):
@@ -147,7 +147,7 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
 
 def _run_chapters(options: argparse.Namespace) -> int:
     from harness.config.errors import ConfigError
-    from harness.store.rows import StoreError
+    from harness.store import StoreError
 
     if options.show_scene is not None:
         message = f"says nothing to {options.config}, which has several scenes; name a part's file"

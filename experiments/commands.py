@@ -26,7 +26,7 @@ from experiments.terminal import (
 from harness.config.errors import ConfigError, nearest
 from harness.config.reading import AnyExperiment
 from harness.config.schema import Experiment
-from harness.scoring.poses import six_parameters
+from harness.scoring import six_parameters
 from harness.session import Plan, Session, draw_whole, execute, open_session, plan, report
 from harness.store.rows import FILE_NAME, Store, StoreError, load
 from harness.tables.table import Table

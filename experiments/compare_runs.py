@@ -11,7 +11,7 @@ from harness.figures.compare import draw_comparison
 from harness.figures.pair_view import file_slug
 from harness.report.page import Part
 from harness.report.run_page import text_of, write_page
-from harness.store.rows import load
+from harness.store import load
 from harness.tables.compare import changed_table, comparison_table, matched, summary
 from harness.tables.table import write_tables
 

@@ -20,7 +20,7 @@ from harness.config.errors import ConfigError
 from harness.figures.clouds import write_merged
 from harness.provenance import run_facts
 from harness.report.own_page import write_own_page
-from harness.scoring.poses import six_parameters
+from harness.scoring import six_parameters
 from registration.calibration import CalibrationError, read_calibration
 from registration.methods import UnknownMethodError, find_method, register
 from registration.peers import MissingPeerError

@@ -13,7 +13,7 @@ from matplotlib.projections.polar import PolarAxes
 from experiments.profile_pairs import ProfilePair
 from harness.figures.looks import GREY, INK, SOURCE, TARGET
 from harness.figures.page import AXES, HEAD_IN, LEFT_IN, WIDTH_IN, add_axes, new_figure
-from harness.scoring.poses import pose_error
+from harness.scoring import pose_error
 from registration.planar.circle import GaussCircle, circle_overlap
 from registration.planar.pipeline import PlanarEvidence
 from registration.scan import FloatArray, Scan

@@ -7,7 +7,7 @@ import pandas as pd
 
 from experiments.profile_pairs import ProfilePair, register_profiles
 from experiments.profile_tables import ranges
-from harness.scoring.poses import six_parameters
+from harness.scoring import six_parameters
 from harness.tables.table import Table
 from harness.trials.specs import Trial
 from registration.planar.circle import wrapped

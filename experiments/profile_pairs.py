@@ -24,7 +24,7 @@ from harness.config.schema import Experiment
 from harness.execution import scan_view
 from harness.provenance import code_fingerprint, note_run
 from harness.report.packing import write_whole
-from harness.scoring.poses import pose_error, six_parameters
+from harness.scoring import pose_error, six_parameters
 from harness.tables.table import Table, write_tables
 from harness.tables.views import sensing_tables
 from harness.trials.specs import Trial, TrialSpec, build_trials

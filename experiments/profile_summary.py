@@ -19,7 +19,7 @@ from experiments.profile_tables import (
     printed_motion,
 )
 from harness.config.schema import Experiment
-from harness.scoring.poses import six_parameters
+from harness.scoring import six_parameters
 from harness.tables.table import Table
 from harness.trials.specs import Trial, full_specs
 from registration.scan import FloatArray

@@ -12,7 +12,7 @@ from rich.table import Column
 
 from experiments.terminal import outcome, trial_name
 from harness.scoring.poses import COARSE
-from harness.store.rows import Row
+from harness.store import Row
 from harness.workers.runner import Done
 
 # A line a trial where nobody watches a bar; of more trials, one now and then.

@@ -9,7 +9,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from harness.store.rows import Row
+from harness.store import Row
 from harness.tables.table import Table
 from harness.trials.specs import Trial
 

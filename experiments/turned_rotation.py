@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.config.schema import AimedView
 from harness.execution import scan_view
-from harness.scoring.poses import exact_pose
+from harness.scoring import exact_pose
 from harness.trials.specs import Trial, TrialSpec, keyed_rng
 from registration.gauss_sphere.candidates.translation import pose_candidates
 from registration.gauss_sphere.describing import describe

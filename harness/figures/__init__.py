@@ -1,0 +1,1 @@
+"""What pairs and experiments look like."""

@@ -1,4 +1,4 @@
-"""How far an estimate is from the truth."""
+"""How far estimates are from the truth, and how near they could be."""
 
 from harness.scoring.poses import (
     PoseError,

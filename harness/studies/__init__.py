@@ -1,0 +1,1 @@
+"""What the accuracy depends on, with a conclusion."""

@@ -1,0 +1,1 @@
+"""The processes, here or elsewhere, that perform trials."""

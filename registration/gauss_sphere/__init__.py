@@ -10,5 +10,6 @@ outlines    where faces end, and what a view says of ends that the other one saw
 judging     whether the best pose is an answer: rivals, symmetries, open directions, bias
 
 `describing` makes a `view` of a scan, which all after it compare; `params` holds every parameter,
-`evidence` what figures draw, `failures` the words where there is no pose.
+`evidence` what figures draw, `failures` the words where there is no pose. `ranges` says which
+parameters loops can run with, `small_matrices` is algebra that they call.
 """

@@ -16,7 +16,7 @@ import pytest
 
 from experiments.cli import main
 from harness.config.reading import load_experiment, read_mapping
-from harness.store.rows import load
+from harness.store import load
 from sensors.calibration import PUBLISHED
 
 ROOT = Path(__file__).parents[2]

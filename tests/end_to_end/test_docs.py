@@ -27,7 +27,7 @@ from experiments.cli import main
 from harness.config.reading import experiment_kind, load_experiment
 from harness.execution import perform
 from harness.session import open_session
-from harness.store.rows import load
+from harness.store import load
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes
 from sensors import SENSORS, threedx
 from sensors.jupiter import Jupiter, JupiterParams

@@ -11,7 +11,7 @@ import pytest
 from experiments.cli import main
 from harness.execution import perform
 from harness.session import open_session
-from harness.store.rows import load
+from harness.store import load
 
 CONFIG = Path(__file__).parents[2] / "configs" / "random_pairs.yaml"
 SMALL = [

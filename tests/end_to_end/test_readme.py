@@ -18,7 +18,7 @@ from experiments.arguments import make_parser
 from harness.config.reading import load_experiment, read_mapping
 from harness.config.sweep_schema import Design
 from harness.execution import perform
-from harness.scoring.poses import exact_pose, pose_error
+from harness.scoring import exact_pose, pose_error
 from harness.session import open_session
 from harness.trials.specs import build_trials
 from registration import GaussSphereParams, Scan, register

@@ -25,7 +25,7 @@ from harness.config.reading import load_experiment
 from harness.report.page import LARGEST_BYTES, Part, Shown, page_markup
 from harness.report.pair_studies import pair_study
 from harness.report.run_page import _listed
-from harness.store.rows import load
+from harness.store import load
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")

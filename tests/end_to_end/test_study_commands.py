@@ -10,7 +10,7 @@ import pytest
 
 from experiments.cli import main
 from harness.config.reading import read_mapping
-from harness.store.rows import load
+from harness.store import load
 
 ROOT = Path(__file__).parents[2]
 STUDIES = [f for f in sorted((ROOT / "configs").glob("*.yaml")) if "study" in read_mapping(f)]

@@ -19,7 +19,7 @@ from experiments.medians import median_of
 from harness.config.schema import Experiment
 from harness.report.page import LARGEST_BYTES
 from harness.scoring.chance import rate
-from harness.store.rows import load
+from harness.store import load
 
 ROOT = Path(__file__).parents[2]
 THESIS = ROOT / "configs" / "thesis.yaml"

@@ -10,7 +10,7 @@ import trimesh
 from scipy.spatial.transform import RigidTransform
 
 from experiments.cli import main
-from harness.scoring.poses import pose_error
+from harness.scoring import pose_error
 from registration.calibration import Calibration, Table
 from registration.scan import Scan
 from scenes import SCENES

@@ -22,7 +22,7 @@ from experiments.profile_pairs import (
 )
 from experiments.profile_tables import profile_tables
 from harness.config.errors import ConfigError
-from harness.scoring.poses import six_parameters
+from harness.scoring import six_parameters
 from harness.trials.specs import TrialSpec
 from harness.workers.pool import process_pool
 from registration import Scan

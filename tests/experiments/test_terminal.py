@@ -10,7 +10,7 @@ from rich.console import Console
 from experiments.progress import Tally, reporting
 from experiments.terminal import SHOWN_ROWS, show_tables
 from harness.config.reading import load_experiment
-from harness.store.rows import Row
+from harness.store import Row
 from harness.tables.table import Table
 from harness.trials.specs import Trial, build_trials
 from harness.workers.child import Task

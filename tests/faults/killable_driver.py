@@ -15,7 +15,7 @@ from pathlib import Path
 from harness.config.limits import Limits
 from harness.execution import perform
 from harness.session import execute, open_session, plan
-from harness.store.rows import Store
+from harness.store import Store
 from harness.workers.supervise import Ended, Origin
 
 

@@ -5,13 +5,13 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from harness.scoring import six_parameters
 from harness.scoring.bound import (
     Beams,
     parameter_deviations,
     pose_covariance,
     pose_information,
 )
-from harness.scoring.poses import six_parameters
 
 
 def square_grid(normal, centre_mm, half_mm: float, count: int):

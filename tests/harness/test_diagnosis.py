@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from harness.scoring import exact_pose, pose_error
 from harness.scoring.common_points import common_points
 from harness.scoring.diagnosis import (
     only,
@@ -12,7 +13,6 @@ from harness.scoring.diagnosis import (
     true_segments,
     visible_parts,
 )
-from harness.scoring.poses import exact_pose, pose_error
 from registration.thesis.params import ThesisParams
 from scenes.desk import DeskParams, desk
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes

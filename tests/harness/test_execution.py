@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.config.reading import load_experiment
 from harness.execution import Recent, perform
-from harness.scoring.poses import exact_pose
+from harness.scoring import exact_pose
 from harness.trials.specs import build_trials
 from registration import register
 from scenes.desk import DeskParams, desk

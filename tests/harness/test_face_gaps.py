@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from harness.scoring import exact_pose
 from harness.scoring.common_points import common_points
 from harness.scoring.diagnosis import only
 from harness.scoring.face_gaps import FaceGaps, centroid_gaps, gaps_in_words
-from harness.scoring.poses import exact_pose
 from registration.thesis.params import ThesisParams
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes
 from sensors.jupiter import Jupiter

@@ -21,7 +21,7 @@ from harness.figures.point_labels import draw_labelled_points
 from harness.figures.shifts import box_edges
 from harness.figures.superposition import draw_superposition
 from harness.report.pair_layers import view_layers
-from harness.scoring.poses import exact_pose
+from harness.scoring import exact_pose
 from registration import RegistrationResult, Scan, register
 from registration.gauss_sphere.evidence import patch_of_points
 from scenes.separated_planes import SeparatedPlanesParams, separated_planes

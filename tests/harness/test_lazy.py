@@ -9,7 +9,7 @@ import pytest
 from experiments.rehearsal import size_of
 from harness.config.errors import ConfigError
 from harness.session import open_session, plan
-from harness.store.rows import Store
+from harness.store import Store
 from harness.trials.lazy import Lazy
 
 REPEATS = 4000

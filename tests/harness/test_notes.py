@@ -9,7 +9,7 @@ import pytest
 from experiments.cli import main
 from harness.report.records import provided
 from harness.session import open_session
-from harness.store.rows import load
+from harness.store import load
 from harness.tables.notes import with_notes
 
 NOTED = ["a note", "and <another>"]

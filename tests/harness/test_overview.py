@@ -10,8 +10,8 @@ from PIL import Image
 from harness.config.reading import load_experiment
 from harness.execution import scan_view
 from harness.figures.overview import draw_overview
-from harness.scoring.poses import exact_pose
-from harness.store.rows import Row, Store, load
+from harness.scoring import exact_pose
+from harness.store import Row, Store, load
 from harness.trials.specs import TrialSpec, build_trials
 
 DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from harness.session import execute, open_session, plan
-from harness.store.rows import Store, load
+from harness.store import Store, load
 from harness.workers.cluster import OtherCodeError
 from harness.workers.pool import process_pool
 from harness.workers.runner import Task, run

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from harness.scoring.poses import six_parameters
+from harness.scoring import six_parameters
 from harness.session import open_session
 from harness.store.rows import FILE_NAME, Row, Store, StoreError, load
 

@@ -15,7 +15,7 @@ from harness.config.reading import validated
 from harness.config.resolved import resolved_config
 from harness.config.sweep_schema import Sweep
 from harness.session import open_session
-from harness.store.rows import Row, Store, load
+from harness.store import Row, Store, load
 from harness.tables.sweeps import sweep_table
 from harness.trials.points import Point, point_count, short_names, sweep_points, unit_design
 from sensors.noise import NoiseParams

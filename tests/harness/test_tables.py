@@ -12,7 +12,7 @@ from harness.config.schema import Experiment
 from harness.scoring.face_gaps import FaceGaps
 from harness.scoring.poses import PARAMETERS, pose_error, pose_from_parameters
 from harness.session import open_session
-from harness.store.rows import Row, Store, load
+from harness.store import Row, Store, load
 from harness.tables.experiment import (
     accuracy_table,
     all_tables,

@@ -6,7 +6,7 @@ import numpy as np
 
 from harness.config.reading import load_experiment
 from harness.session import open_session
-from harness.store.rows import Row, Store, load
+from harness.store import Row, Store, load
 from harness.tables.views import compaction_table
 
 FOAM = Path(__file__).parents[2] / "configs" / "foam.yaml"

@@ -1,0 +1,1 @@
+"""Rotations from pairs of normals, and shifts that many planes agree on."""

@@ -1,0 +1,1 @@
+"""Whether the best pose is an answer: rivals, symmetries, open directions, bias."""

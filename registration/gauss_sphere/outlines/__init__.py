@@ -1,0 +1,1 @@
+"""Where faces end, and what a view says of ends that the other one saw."""

@@ -1,0 +1,1 @@
+"""Segments of profiles, patches grown from them, planes fitted to their points."""
