@@ -83,7 +83,7 @@ def draw_success(rows: pd.DataFrame) -> Figure | None:
     figure = new_figure(
         "How often is a method right?\nShare of pairs answered ok and within the tolerance"
         + (", with Wilson's 95 % interval" if len(colours) < CROWD else ""),
-        0.8 + 2.4 * len(families) + legend_in,
+        0.8 + 2.6 * len(families) + legend_in,
     )
     angles = [tolerance.rotation_deg for tolerance in THRESHOLDS]
     marked = [THRESHOLDS[0], FINE, COARSE]
@@ -91,7 +91,7 @@ def draw_success(rows: pd.DataFrame) -> Figure | None:
     apart_in = 8.4 / max(len(shown), 3)
     for r, family in enumerate(families):
         for c, band in enumerate(shown):
-            bottom = legend_in + 0.5 + 2.4 * (len(families) - 1 - r)
+            bottom = legend_in + 0.5 + 2.6 * (len(families) - 1 - r)
             ax = add_axes(figure, 0.75 + apart_in * c, bottom, apart_in - 0.5, 1.6)
             of_band = in_band(rows[rows["family"] == family], band)
             pairs = of_band["pair"].nunique()
@@ -104,8 +104,10 @@ def draw_success(rows: pd.DataFrame) -> Figure | None:
             ax.set(xscale="log", ylim=(-0.02, 1.02), xlim=(angles[0], angles[-1]))
             ax.set_xticks([t.rotation_deg for t in marked])
             ax.set_xticklabels([f"{t.rotation_deg:g}°\n{t.translation_mm:g} mm" for t in marked])
+            for label, side in zip(ax.get_xticklabels(), ("left", "center", "center"), strict=True):
+                label.set_ha(side)
             ax.minorticks_off()
-            ax.set_title(f"{family.replace('_', ' ')}, overlap {band.name}: {pairs} pairs")
+            ax.set_title(f"{family.replace('_', ' ')}: {pairs} pairs\noverlap {band.name}")
             if c == 0:
                 ax.set_ylabel("share of pairs")
     _legend(figure, rows)
