@@ -105,7 +105,7 @@ def draw_success(rows: pd.DataFrame) -> Figure | None:
             ax.set_xticks([t.rotation_deg for t in marked])
             ax.set_xticklabels([f"{t.rotation_deg:g}°\n{t.translation_mm:g} mm" for t in marked])
             for label, side in zip(ax.get_xticklabels(), ("left", "center", "center"), strict=True):
-                label.set_ha(side)
+                label.set(horizontalalignment=side)
             ax.minorticks_off()
             ax.set_title(f"{family.replace('_', ' ')}: {pairs} pairs\noverlap {band.name}")
             if c == 0:
