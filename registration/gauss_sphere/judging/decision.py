@@ -38,22 +38,19 @@ def judge(
     source: View,
     params: DecisionParams,
     appeal: bool = False,
+    slid: bool = True,
 ) -> Verdict:
     """Whether the best of the settled poses is an answer, and how sure it is.
 
     appeal: outlines have been asked, too: each pose that they leave is a rival, on less surface.
+    slid: whether poses are rivals of the best that slide to it on fewer planes.
     """
     best = ranked[0]
     against = shortcoming(best, target, source, params)
     if against:
         return Verdict("failed", against, "verification")
     covariance, open_directions, reason = uncertainty(best, best.sure, target, params)
-    rivals = [
-        p
-        for p in ranked[1:]
-        if (appeal and p.score > params.repeat_share * best.score)
-        or is_rival(p, best, target, params)
-    ]
+    rivals = [p for p in ranked[1:] if is_rival(p, best, target, params, appeal, slid)]
     if open_directions.shape[0]:
         alike = [p for p in rivals if p.score > params.rival_share * best.score]
         others = [p for p in alike if is_elsewhere(p, best, open_directions, target, params)]
@@ -141,6 +138,26 @@ def is_thin(pose: Settled, target: View, source: View, params: DecisionParams) -
     return bool(share < params.appeal_support and not has_sure_planes(pose, target, params))
 
 
+def fixed_first(settled: list[Settled], target: View, params: DecisionParams) -> list[Settled]:
+    """The settled poses, one that many planes fix before the best if that slides on fewer ones.
+
+    What slides agrees with any scene, and may do so on a little more surface.
+    """
+    best, *others = settled
+    if not uncertainty(best, best.sure, target, params)[1].size:
+        return settled
+    fewer = agreeing_planes(best, target, params)
+    for pose in others:
+        if (
+            pose.score > params.rival_share * best.score
+            and agreeing_planes(pose, target, params) > fewer
+            and has_sure_planes(pose, target, params)
+            and not uncertainty(pose, pose.sure, target, params)[1].size
+        ):
+            return [pose, *(other for other in settled if other is not pose)]
+    return settled
+
+
 def is_weak(best: Settled, target: View, source: View, params: DecisionParams) -> bool:
     """Whether a pose is no answer, or one on so little surface that there may be better ones."""
     share = best.areas[SUPPORT] / mean_seen_mm2(target, source)
@@ -218,22 +235,42 @@ def _agreeing(
     return different[:n]
 
 
-def is_rival(pose: Settled, best: Settled, target: View, params: DecisionParams) -> bool:
+def is_rival(
+    pose: Settled,
+    best: Settled,
+    target: View,
+    params: DecisionParams,
+    appeal: bool = False,
+    slid: bool = True,
+) -> bool:
     """Whether a pose could be the true one in place of the best.
 
     A symmetry makes poses alike in all: score, free space and how far planes fix them. A pose that
     slides freely on two planes agrees with any scene; it does not question one that many planes
-    agree on to within their noise.
+    agree on to within their noise, nor, unless slid, one that it slides to.
+    appeal: it was left by outlines, too, and is one on less surface.
     """
+    if not slid and _slides_to(best, pose, target, params):
+        return False
     if repeats(pose, best, target, params):
         return True
-    if pose.score <= params.rival_share * best.score:
+    if pose.score <= (params.repeat_share if appeal else params.rival_share) * best.score:
         return False
-    if pose.areas[CONTRADICTION] > params.most_contradiction * pose.areas[SUPPORT]:
+    if not appeal and pose.areas[CONTRADICTION] > params.most_contradiction * pose.areas[SUPPORT]:
         return False
     if agreeing_planes(best, target, params) < params.sure_planes:
         return True
     return not bool(uncertainty(pose, pose.information, target, params)[1].size)
+
+
+def _slides_to(best: Settled, pose: Settled, target: View, params: DecisionParams) -> bool:
+    """Whether a pose is the best one but for a motion that only more planes of the best one fix."""
+    left_open = uncertainty(pose, pose.information, target, params)[1]
+    return (
+        bool(left_open.size)
+        and agreeing_planes(pose, target, params) < agreeing_planes(best, target, params)
+        and not is_elsewhere(best, pose, left_open, target, params)
+    )
 
 
 def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) -> bool:

@@ -7,11 +7,19 @@ from scipy.spatial.transform import Rotation
 
 from registration.gauss_sphere.judging.appeal import appealed, outscoring
 from registration.gauss_sphere.judging.bending import doubted, of_unknown_bias
-from registration.gauss_sphere.judging.decision import Verdict, preferred, questioned, refuted
+from registration.gauss_sphere.judging.decision import (
+    Verdict,
+    fixed_first,
+    preferred,
+    questioned,
+    refuted,
+)
 from registration.gauss_sphere.judging.free_planes import judged_by_free_planes
 from registration.gauss_sphere.judging.further_along import unsaid_along
+from registration.gauss_sphere.judging.misfits import without_misfits
 from registration.gauss_sphere.judging.open_directions import covariance_of, widest_covariance_of
 from registration.gauss_sphere.judging.symmetry import symmetric_rivals
+from registration.gauss_sphere.judging.third_planes import with_third_planes
 from registration.gauss_sphere.outlines.ends import as_ends
 from registration.gauss_sphere.outlines.telling import outlines_of
 from registration.gauss_sphere.outlines.testimony import denied_share, is_doubtful
@@ -57,7 +65,9 @@ def _by_planes_and_ends(
             return settled, verdict, []
     left = appealed(settled, target, source, outlines, bias_mm, params)
     if not left:
-        return settled, refuted(denied) if verdict.status == "ok" else verdict, []
+        if verdict.status in ("ok", "failed"):
+            return settled, refuted(denied) if verdict.status == "ok" else verdict, []
+        return *_by_further_planes(settled, target, source, bias_mm, params), []
     left, verdict = judged_by_free_planes(left, target, source, params, appeal=True)
     if verdict.status != "ok":
         return left, verdict, []
@@ -67,6 +77,24 @@ def _by_planes_and_ends(
         return [left[0], *others], preferred(verdict.covariance, left[0], better), []
     ends = as_ends(outlines[0]), as_ends(outlines[1])
     return left, verdict, unsaid_along(left[0], target, source, ends, bias_mm, params)
+
+
+def _by_further_planes(
+    settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
+) -> tuple[list[Settled], Verdict]:
+    """Judge poses of which outlines do not tell by planes alone, where a third direction meets.
+
+    Then a pose that slides to the best one is no rival of it any more.
+    """
+    best = settled[0]
+    settled = with_third_planes(settled, target, source, params)
+    settled = fixed_first(settled, target, params.decision)
+    if settled[0] is not best:
+        settled[0] = without_misfits(settled[0], target, source, params)
+        if bias_mm > 0.0:
+            planes = target.patches, source.patches
+            settled[0] = doubted(settled[0], *planes, bias_mm, params)
+    return judged_by_free_planes(settled, target, source, params, slid=False)
 
 
 def _unless_symmetric(

@@ -1,0 +1,131 @@
+"""Poses that slide on two planes, and those where a third direction of planes meets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plane_scans import (
+    MIDDLE,
+    ROOM,
+    Plates,
+    box_faces,
+    join,
+    move_plates,
+    plates_from,
+    random_view,
+    scan_plates,
+)
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from registration.gauss_sphere.describing import describe
+from registration.gauss_sphere.judging.decision import agreeing_planes, fixed_first, is_rival, judge
+from registration.gauss_sphere.judging.open_directions import open_directions_of, open_shift
+from registration.gauss_sphere.judging.third_planes import with_third_planes
+from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.refinement.matching import Settled, settle_best
+from registration.gauss_sphere.view import View
+
+PARAMS = GaussSphereParams()
+DECISION = PARAMS.decision
+ALONG = ROOM.apply([0.0, 1.0, 0.0])  # where floor and wall meet
+OFF_MM = 45.0  # farther than planes are matched
+
+
+def room(*things: Plates) -> Plates:
+    """Floor and wall, and what stands in front of them."""
+    normals = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    places = np.array([[-90.0, 0.0, -100.0], [100.0, 0.0, 170.0]])
+    empty = plates_from(ROOM.apply(normals), MIDDLE + ROOM.apply(places), np.full((2, 2), 500.0))
+    return join(empty, *things)
+
+
+def cube() -> Plates:
+    """A cube on the floor, an edge in front."""
+    turn = ROOM * Rotation.from_rotvec([np.pi / 4.0, 0.0, 0.0])
+    place = MIDDLE + ROOM.apply([-50.0, 0.0, 60.0])
+    return box_faces(RigidTransform.from_components(place, turn), np.full(3, 40.0))
+
+
+def board() -> Plates:
+    """A board that leans on the wall, and looks aside."""
+    normal, place = ROOM.apply([[0.0, -0.6, -0.8]]), MIDDLE + ROOM.apply([[0.0, 0.0, 100.0]])
+    return plates_from(normal, place, np.array([[60.0, 60.0]]))
+
+
+def views(plates: Plates, seed: int) -> tuple[View, View, RigidTransform]:
+    rng = np.random.default_rng(seed)
+    T_source_target = random_view(rng, turn_deg=10.0)
+    target = scan_plates(plates, noise=0.3, rng=rng)
+    source = scan_plates(move_plates(plates, T_source_target), noise=0.3, rng=rng)
+    return describe(target, PARAMS), describe(source, PARAMS), T_source_target.inv()
+
+
+def settled_at(target: View, source: View, T: RigidTransform, off_mm: float = 0.0) -> list[Settled]:
+    r, t = T.rotation.as_matrix()[None], np.asarray(T.translation)[None] + off_mm * ALONG
+    return settle_best(target, source, r, t, PARAMS, look_again=False)
+
+
+@pytest.mark.parametrize("off_mm", [OFF_MM, -OFF_MM])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pose_is_found_along_what_two_planes_leave_open(seed: int, off_mm: float) -> None:
+    target, source, T = views(room(cube()), seed)
+    (slid,) = settled_at(target, source, T, off_mm)
+    along = open_shift(slid, target, DECISION)
+    assert along is not None
+    assert abs(along @ ALONG) > 0.99
+    found = with_third_planes([slid], target, source, PARAMS)
+    assert not open_directions_of(found[0], target, DECISION).size
+    assert np.linalg.norm(found[0].shift_mm - T.translation) < 2.0
+    assert [pose.score for pose in found] == sorted((p.score for p in found), reverse=True)
+
+
+def test_nothing_is_looked_for_where_no_third_plane_is_seen_or_none_is_needed() -> None:
+    target, source, T = views(room(), 0)
+    slid = settled_at(target, source, T, OFF_MM)
+    assert with_third_planes(slid, target, source, PARAMS) is slid
+    target, source, T = views(room(cube()), 0)
+    fixed = settled_at(target, source, T)
+    assert not open_directions_of(fixed[0], target, DECISION).size
+    assert with_third_planes(fixed, target, source, PARAMS) is fixed
+
+
+def sliding_and_fixed(thing: Plates, seed: int) -> tuple[View, View, Settled, Settled]:
+    target, source, T = views(room(thing), seed)
+    (slid,), (fixed,) = settled_at(target, source, T, OFF_MM), settled_at(target, source, T)
+    assert agreeing_planes(fixed, target, DECISION) > agreeing_planes(slid, target, DECISION)
+    return target, source, slid, fixed
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_many_planes_fix_goes_before_what_slides_on_a_little_more_surface(seed: int) -> None:
+    def first(*poses: Settled) -> Settled:
+        ordered = fixed_first([*poses], target, DECISION)
+        assert {id(pose) for pose in ordered} == {id(pose) for pose in poses}
+        return ordered[0]
+
+    target, _, slid, fixed = sliding_and_fixed(cube(), seed)
+    more = slid._replace(score=1.2 * fixed.score)
+    assert first(more, fixed) is fixed
+    much_more = slid._replace(score=1.5 * fixed.score)
+    assert first(much_more, fixed) is much_more
+    assert first(fixed, slid) is fixed
+    target, _, slid, fixed = sliding_and_fixed(board(), seed)
+    more = slid._replace(score=1.2 * fixed.score)
+    assert first(more, fixed) is more  # three planes are those of any corner
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pose_that_slides_to_the_best_questions_it_until_all_is_asked(seed: int) -> None:
+    target, source, slid, fixed = sliding_and_fixed(board(), seed)
+    rival = slid._replace(score=0.9 * fixed.score)
+    assert is_rival(rival, fixed, target, DECISION)
+    assert not is_rival(rival, fixed, target, DECISION, slid=False)
+    assert judge([fixed, rival], target, source, DECISION).status == "ambiguous"
+    assert judge([fixed, rival], target, source, DECISION, slid=False).status == "ok"
+    # What no slide leads to, or as many planes agree on, is another place.
+    turned = rival._replace(
+        rotation=Rotation.from_rotvec([0.0, 0.0, 0.5]).as_matrix() @ rival.rotation
+    )
+    assert is_rival(turned, fixed, target, DECISION, slid=False)
+    alike = fixed._replace(score=0.9 * fixed.score, shift_mm=fixed.shift_mm + OFF_MM * ALONG)
+    assert is_rival(alike, fixed, target, DECISION, slid=False)
