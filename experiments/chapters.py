@@ -17,6 +17,7 @@ from harness.config.errors import ConfigError, nearest
 from harness.config.reading import experiment_kind, overridden_mapping, validated
 from harness.config.schema import Experiment
 from harness.config.strict import Strict
+from harness.results import results_folder
 from harness.session import Session, open_session
 from harness.trials.specs import Trial
 
@@ -112,7 +113,7 @@ def load_chapters(
     """Read a run and check every part of it; writes nothing. Raises ConfigError with one line."""
     data = overridden_mapping(path, overrides, seed)
     experiment: ChaptersExperiment = validated(ChaptersExperiment, data, path)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     runs: list[PartRun] = []
     for name, part in experiment.parts.items():
         if not name.isidentifier() or name in ("tables", "figures"):

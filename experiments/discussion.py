@@ -19,6 +19,7 @@ from experiments.turned_rotation import Turning, middle_mm, turn
 from harness.config.errors import ConfigError
 from harness.config.reading import dump_yaml
 from harness.provenance import code_fingerprint, note_run
+from harness.results import results_folder
 from harness.store.rows import FILE_NAME, Store, load
 from harness.tables.card import card_table
 from harness.tables.pairs import theoretical_error
@@ -49,7 +50,7 @@ def run_discussion(
     from experiments.discussion_tables import discussion_tables
 
     experiment, asked = load_discussion(path, overrides, seed)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     make_executor = process_pool(min(workers or available_cores(), len(asked)))
     rows = perform_asked(asked, folder, make_executor)
     turned = turn_rotations(experiment, asked, make_executor)
@@ -91,7 +92,7 @@ def rehearse_discussion(
 ) -> list[str]:
     """What a run would do, in lines; writes nothing. Raises ConfigError."""
     experiment, asked = load_discussion(path, overrides, seed)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     performed = _performed(asked)
     missing = len(_missing(performed, folder))
     number = len({a.trial.id for a in performed})  # two questions may ask for the same trial
@@ -113,7 +114,7 @@ def check_rows(
 ) -> None:
     """Raise ConfigError where a folder lacks rows of this very config and code."""
     asked = load_discussion(path, overrides, seed)[1]
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     missing = len(_missing(_performed(asked), folder))
     if missing:
         message = f"{folder} lacks {missing} rows of this config and code; run it without first"

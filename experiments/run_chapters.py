@@ -29,6 +29,7 @@ from harness.config.errors import ConfigError
 from harness.config.reading import dump_yaml
 from harness.config.schema import Experiment
 from harness.provenance import code_fingerprint, note_run
+from harness.results import results_folder
 from harness.store.rows import FILE_NAME, StoreError, load
 from harness.tables.table import Table, write_tables
 from harness.workers.pool import MakeExecutor, process_pool
@@ -48,7 +49,7 @@ def run_chapters(
     experiment, runs = load_chapters(path, folder, overrides, seed)
     if redraw:
         _check_rows(runs)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     console = make_console()
     workers = workers or available_cores()
     start = time.perf_counter()

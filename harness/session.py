@@ -17,6 +17,7 @@ from harness.config.reading import AnyExperiment, dump_yaml, load_experiment, ov
 from harness.config.resolved import resolved_config, with_defaults
 from harness.provenance import Sources, code_fingerprint, note_run
 from harness.report.folder import FOLDER as RECORDS
+from harness.results import results_folder
 from harness.scoring.face_gaps import FaceGaps
 from harness.store.rows import Store, StoreError, load
 from harness.tables.table import Table, write_tables
@@ -94,7 +95,7 @@ def open_session(
     names, read = ({each[i] for each in trials.used} for i in range(2))
     sources = Sources(tuple(sorted(names)), tuple(sorted(read - {""})))
     code = code_fingerprint(*sources)
-    folder = folder or Path("results") / file.stem
+    folder = results_folder(folder, file.stem)
     return Session(file, experiment, trials, folder, code, sources, base, left_out)
 
 
