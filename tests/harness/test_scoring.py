@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from harness.scoring.chance import wilson_interval
 from harness.scoring.poses import (
     COARSE,
     FINE,
@@ -16,7 +17,6 @@ from harness.scoring.poses import (
     pose_error,
     pose_from_parameters,
     six_parameters,
-    wilson_interval,
 )
 from sensors.paths import ViewPath
 
