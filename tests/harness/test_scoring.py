@@ -46,6 +46,14 @@ def test_parameters_follow_equation_4_6() -> None:
     np.testing.assert_array_equal(pose.translation, [1.0, 2.0, 3.0])
 
 
+def test_parameters_follow_equations_4_15_to_4_17_as_corrected() -> None:
+    """In the thesis's letters, R = [[g, h, i], [j, k, l], [m, n, p]]."""
+    poses = RigidTransform.from_rotation(Rotation.random(1000, rng=np.random.default_rng(0)))
+    (g, _, _), (j, _, _), (m, n, p) = np.moveaxis(poses.rotation.as_matrix(), 0, -1)
+    angles = [np.arctan2(n, p), np.arctan2(-m, np.hypot(g, j)), np.arctan2(j, g)]
+    np.testing.assert_allclose(six_parameters(poses)[:, :3], np.rad2deg(angles).T, atol=1e-7)
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_exact_pose_takes_the_source_frame_to_the_target_frame(seed: int) -> None:
     rng = np.random.default_rng(seed)
