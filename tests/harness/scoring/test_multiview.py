@@ -21,7 +21,7 @@ from harness.scoring.multiview import (
 )
 from registration.pose_graph import RelativePose
 
-CONFIG = Path(__file__).parents[2] / "configs" / "desk.yaml"
+CONFIG = Path(__file__).parents[3] / "configs" / "desk.yaml"
 LOOP = "pairs.left-right={source: left, target: right}"
 
 

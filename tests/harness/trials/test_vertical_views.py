@@ -14,7 +14,7 @@ from harness.trials.views import ViewSpec
 from sensors import f3
 from sensors.arm import ArmParams, ArmPath
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[3] / "configs"
 DESK, VERTICAL = CONFIGS / "desk.yaml", CONFIGS / "desk_vertical.yaml"
 
 

@@ -14,7 +14,7 @@ from harness.scoring import exact_pose
 from harness.store import Row, Store, load
 from harness.trials.specs import TrialSpec, build_trials
 
-DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"
+DESK = Path(__file__).parents[3] / "configs" / "desk.yaml"
 
 
 def one_thread() -> ThreadPoolExecutor:

@@ -22,7 +22,7 @@ from harness.trials.views import relabelled
 # Those that make trials: an `experiment:` of its own, as precision.yaml, is read by its own code.
 CONFIGS = [
     file
-    for file in sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+    for file in sorted((Path(__file__).parents[3] / "configs").glob("*.yaml"))
     if "experiment" not in read_mapping(file)
 ]
 

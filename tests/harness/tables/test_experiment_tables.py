@@ -23,7 +23,7 @@ from harness.tables.experiment import (
 from harness.tables.pairs import pair_tables
 from harness.tables.table import Table, write_tables
 
-DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"
+DESK = Path(__file__).parents[3] / "configs" / "desk.yaml"
 EXACT = np.array([-25.44, 0.0, 0.0, 0.0, -410.2, 188.8])
 
 

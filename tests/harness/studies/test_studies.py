@@ -27,7 +27,7 @@ from harness.trials.points import point_count, sweep_points
 from harness.trials.random_pairs import build_random_trials
 from registration.peers import MissingPeerError
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[3] / "configs"
 STUDIES = sorted(f.stem for f in CONFIGS.glob("*.yaml") if "\nstudy:" in f.read_text("utf-8"))
 
 

@@ -9,7 +9,7 @@ from harness.session import open_session
 from harness.store import Row, Store, load
 from harness.tables.views import compaction_table
 
-FOAM = Path(__file__).parents[2] / "configs" / "foam.yaml"
+FOAM = Path(__file__).parents[3] / "configs" / "foam.yaml"
 TWICE = ["methods=[{name: thesis}, {name: gauss_sphere}]", "repeats=2"]
 
 

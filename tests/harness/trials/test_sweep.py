@@ -213,7 +213,7 @@ def test_a_point_is_the_experiment_with_these_keys_set(small_file: Path, key: st
 
 
 def test_the_bracket_of_the_arm_is_swept_too(tmp_path: Path) -> None:
-    desk = Path(__file__).parents[2] / "configs" / "desk.yaml"
+    desk = Path(__file__).parents[3] / "configs" / "desk.yaml"
     small = ["repeats=1", "methods=[{name: thesis}]", "scan.profiles=24"]
     sweep = "sweep={over: {arm.bracket_deg: [[0, 0, 0], [0.4, 0, 0]]}}"
     trials = open_session(desk, tmp_path, [*small, sweep]).trials
@@ -274,7 +274,7 @@ def test_what_stays_as_it_is_goes_by_the_name_of_its_value(small_file: Path) -> 
 
 
 def test_random_pairs_are_swept_too(tmp_path: Path) -> None:
-    file = Path(__file__).parents[2] / "configs" / "random_pairs.yaml"
+    file = Path(__file__).parents[3] / "configs" / "random_pairs.yaml"
     small = ["methods=[{name: thesis}]", "families.foam_chair.pairs=1", "families.desk.pairs=2",
              "families.clutter.pairs=1"]  # fmt: skip
     sweep = f"sweep={{over: {{overlap: [[0.2, 0.4], [0.4, 0.6]], {NOISE}: [1.5, 2.0]}}}}"
