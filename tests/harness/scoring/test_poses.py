@@ -2,11 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from harness.scoring.chance import wilson_interval
 from harness.scoring.poses import (
     COARSE,
     FINE,
@@ -95,28 +92,3 @@ def test_success_needs_both_tolerances_and_an_estimate() -> None:
     assert not is_success(PoseError(0.0, 30.1), COARSE)
     assert not is_success(PoseError(np.nan, np.nan), COARSE)
     assert not is_success(None, COARSE)
-
-
-@given(trials=st.integers(0, 200), share=st.floats(0.0, 1.0))
-def test_the_wilson_interval_holds_the_rate_and_solves_its_equation(
-    trials: int, share: float
-) -> None:
-    successes = round(share * trials)
-    low, high = wilson_interval(successes, trials)
-    assert 0.0 <= low <= high <= 1.0
-    if trials == 0:
-        assert (low, high) == (0.0, 1.0)
-        return
-    rate = successes / trials
-    assert low <= rate <= high
-    # The bounds are the rates p at which the observed one is 1.96 standard errors away.
-    for bound in (low, high):
-        if 0.0 < bound < 1.0:
-            assert abs(rate - bound) == pytest.approx(
-                1.959963984540054 * np.sqrt(bound * (1.0 - bound) / trials), rel=1e-6
-            )
-
-
-def test_an_impossible_count_is_refused() -> None:
-    with pytest.raises(ValueError, match="5 successes of 4 trials"):
-        wilson_interval(5, 4)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped_configs import CONFIGS
 
 from harness.config.errors import ConfigError
 from harness.config.reading import load_experiment
@@ -14,7 +15,6 @@ from harness.trials.views import ViewSpec
 from sensors import f3
 from sensors.arm import ArmParams, ArmPath
 
-CONFIGS = Path(__file__).parents[3] / "configs"
 DESK, VERTICAL = CONFIGS / "desk.yaml", CONFIGS / "desk_vertical.yaml"
 
 
