@@ -29,7 +29,7 @@ from harness.config.schema import Experiment
 from harness.results import results_folder
 from harness.scoring import six_parameters
 from harness.session import Plan, Session, draw_whole, execute, open_session, plan, report
-from harness.store.rows import FILE_NAME, Store, StoreError, load
+from harness.store import FILE_NAME, Store, StoreError, load
 from harness.tables.table import Table
 from harness.trials.points import MOST_POINTS, point_count
 from harness.trials.specs import Trial, beyond_reach, full_specs

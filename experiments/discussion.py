@@ -20,13 +20,14 @@ from harness.config.errors import ConfigError
 from harness.config.reading import dump_yaml
 from harness.provenance import code_fingerprint, note_run
 from harness.results import results_folder
-from harness.store.rows import FILE_NAME, Store, load
+from harness.store import FILE_NAME, Store, load
 from harness.tables.card import card_table
 from harness.tables.pairs import theoretical_error
 from harness.tables.table import Table, write_tables
 from harness.trials.specs import TrialSpec
+from harness.workers.child import Task
 from harness.workers.pool import MakeExecutor, process_pool
-from harness.workers.runner import Task, run
+from harness.workers.runner import run
 
 
 class TrialError(RuntimeError):

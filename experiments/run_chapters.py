@@ -30,7 +30,7 @@ from harness.config.reading import dump_yaml
 from harness.config.schema import Experiment
 from harness.provenance import code_fingerprint, note_run
 from harness.results import results_folder
-from harness.store.rows import FILE_NAME, StoreError, load
+from harness.store import FILE_NAME, StoreError, load
 from harness.tables.table import Table, write_tables
 from harness.workers.pool import MakeExecutor, process_pool
 

@@ -23,7 +23,7 @@ from harness.report.records import provided
 from harness.report.studies import study
 from harness.scoring.row_scores import ERRORS
 from harness.session import Session
-from harness.store.rows import load
+from harness.store import load
 from harness.tables.table import Table, write_table
 from harness.workers.pool import MakeExecutor
 

@@ -10,6 +10,7 @@ import pytest
 from shipped_configs import CONFIGS
 
 from harness import execution
+from harness.config.choices import canonical_json
 from harness.config.errors import ConfigError
 from harness.config.limits import Limits
 from harness.config.random_schema import RandomPairsExperiment
@@ -24,7 +25,7 @@ from harness.trials.random_pairs import (
     drawn_spec,
     family_of,
 )
-from harness.trials.specs import Trial, TrialSpec, canonical_json
+from harness.trials.specs import Trial, TrialSpec
 from harness.workers.child import Task
 from harness.workers.supervise import perform_all
 from sensors.noise import NoiseParams

@@ -13,12 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shipped_configs import CONFIGS, OF_TRIALS
 
+from harness.config.choices import Chosen, canonical_json
 from harness.config.errors import ConfigError
 from harness.config.reading import load_experiment
 from harness.config.resolved import resolved_config
 from harness.config.schema import AimedView
 from harness.session import open_session
-from harness.trials.specs import Chosen, TrialSpec, build_trials, canonical_json
+from harness.trials.specs import TrialSpec, build_trials
 from harness.trials.views import PoseStep, ViewSpec
 from sensors.noise import NoiseParams
 
