@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from experiments.precision import KIND as PRECISION
 from experiments.precision import PrecisionExperiment, load_precision
 from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import ProfilesExperiment, load_profiles
@@ -22,7 +23,7 @@ from harness.session import Session, open_session
 from harness.trials.specs import Trial
 
 KIND = "chapters"
-PAIRS, PRECISION = "pairs", "precision"
+PAIRS = "pairs"
 CALIBRATED = "gauss_sphere calibrated"
 CALIBRATION = "calibration.json"
 

@@ -32,6 +32,7 @@ from sensors.card import mean_over_profiles, measure_card
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.target_scans import as_told, scan_target
 
+KIND = "precision"
 Turn = tuple[Angle, Angle]
 FACING: Turn = (0.0, 0.0)
 REHEARSED = 3  # scans that a dry run times

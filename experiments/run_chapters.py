@@ -9,17 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.chapter_summary import PartResult, summary_tables
-from experiments.chapters import (
-    CALIBRATED,
-    PAIRS,
-    PRECISION,
-    ChaptersExperiment,
-    PartRun,
-    load_chapters,
-)
+from experiments.chapters import CALIBRATED, PAIRS, ChaptersExperiment, PartRun, load_chapters
 from experiments.chapters_page import write_chapters_page
 from experiments.cli import EXIT_INTERRUPTED, EXIT_OK
 from experiments.commands import available_cores, replay, run_all
+from experiments.precision import KIND as PRECISION
 from experiments.precision import run_precision
 from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import kept_rows, run_profiles
