@@ -16,7 +16,7 @@ from harness.config.random_schema import RandomPairsExperiment
 from harness.config.reading import AnyExperiment, dump_yaml, load_experiment, overridden_mapping
 from harness.config.resolved import resolved_config, with_defaults
 from harness.provenance import Sources, code_fingerprint, note_run
-from harness.report.folder import FOLDER as RECORDS
+from harness.report.record_paths import RECORDS
 from harness.results import results_folder
 from harness.scoring.face_gaps import FaceGaps
 from harness.store import Store, StoreError, load

@@ -15,7 +15,7 @@ from harness.config.random_schema import RandomPairsExperiment
 from harness.config.reading import load_experiment
 from harness.report.page import Part, Shown, page_markup
 from harness.report.pair_studies import pair_study
-from harness.report.run_page import _listed
+from harness.report.run_page import listed_trials
 from harness.store import load
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -88,7 +88,7 @@ def test_a_study_of_random_pairs_leads_to_their_trials(
     assert isinstance(experiment, RandomPairsExperiment)
     part = Part(name="x", title="x", study=pair_study(rows, experiment))
     page = tmp_path / "report.html"
-    listed = _listed(rows, ["run-experiment", "x.yaml"])
+    listed = listed_trials(rows, ["run-experiment", "x.yaml"])
     page.write_text(page_markup("x", [part], Shown(trials=listed)), encoding="utf-8")
     opened(browser, page)
     until(browser, "document.querySelector('form.study').dataset.ready", "the study is drawn")
