@@ -1,4 +1,4 @@
-"""What chance may do to what was counted: intervals and a test that assume no distribution."""
+"""What chance may do to what was counted: intervals of rates and of medians, and a sign test."""
 
 from __future__ import annotations
 
