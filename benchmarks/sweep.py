@@ -34,7 +34,7 @@ from harness.execution import perform  # noqa: E402
 from harness.scoring.poses import COARSE  # noqa: E402
 from harness.scoring.row_scores import within  # noqa: E402
 from harness.session import execute, open_session, plan  # noqa: E402
-from harness.store.rows import Store, load  # noqa: E402
+from harness.store import Store, load  # noqa: E402
 from harness.trials.specs import Trial  # noqa: E402
 from harness.workers.pool import process_pool  # noqa: E402
 

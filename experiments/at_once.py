@@ -8,6 +8,7 @@ from pathlib import Path
 
 from experiments.discussion import check_rows, rehearse_discussion, run_discussion
 from experiments.discussion_trials import KIND as DISCUSSION
+from experiments.precision import KIND as PRECISION
 from experiments.precision import rehearse_precision, run_precision
 from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import check_kept, rehearse_profiles, run_profiles
@@ -21,14 +22,14 @@ Run = Callable[[Path, Path | None, Sequence[str], int | None], tuple[list[Table]
 
 # By the key `experiment` of the config; harness.config.reading.experiment_kind reads it.
 RUNS: dict[str, Run] = {
-    "precision": run_precision,
+    PRECISION: run_precision,
     PROFILES: run_profiles,
     DISCUSSION: run_discussion,
 }
 
 Rehearsal = Callable[[Path, Path | None, Sequence[str], int | None], list[str]]
 REHEARSALS: dict[str, Rehearsal] = {
-    "precision": rehearse_precision,
+    PRECISION: rehearse_precision,
     PROFILES: rehearse_profiles,
     DISCUSSION: rehearse_discussion,
 }

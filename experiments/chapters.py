@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from experiments.precision import KIND as PRECISION
 from experiments.precision import PrecisionExperiment, load_precision
 from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import ProfilesExperiment, load_profiles
@@ -17,11 +18,12 @@ from harness.config.errors import ConfigError, nearest
 from harness.config.reading import experiment_kind, overridden_mapping, validated
 from harness.config.schema import Experiment
 from harness.config.strict import Strict
+from harness.results import results_folder
 from harness.session import Session, open_session
 from harness.trials.specs import Trial
 
 KIND = "chapters"
-PAIRS, PRECISION = "pairs", "precision"
+PAIRS = "pairs"
 CALIBRATED = "gauss_sphere calibrated"
 CALIBRATION = "calibration.json"
 
@@ -112,7 +114,7 @@ def load_chapters(
     """Read a run and check every part of it; writes nothing. Raises ConfigError with one line."""
     data = overridden_mapping(path, overrides, seed)
     experiment: ChaptersExperiment = validated(ChaptersExperiment, data, path)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     runs: list[PartRun] = []
     for name, part in experiment.parts.items():
         if not name.isidentifier() or name in ("tables", "figures"):

@@ -11,7 +11,8 @@ from experiments.chapters import PAIRS, ChaptersExperiment, PartRun
 from harness.report.answer import OURS, scores
 from harness.report.page import Part, Shown
 from harness.report.run_page import plain_part, run_part, write_page
-from harness.scoring.poses import COARSE, wilson_interval
+from harness.scoring.chance import wilson_interval
+from harness.scoring.poses import COARSE
 from harness.tables.table import Table
 from harness.workers.pool import MakeExecutor
 

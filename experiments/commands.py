@@ -26,9 +26,10 @@ from experiments.terminal import (
 from harness.config.errors import ConfigError, nearest
 from harness.config.reading import AnyExperiment
 from harness.config.schema import Experiment
+from harness.results import results_folder
 from harness.scoring import six_parameters
 from harness.session import Plan, Session, draw_whole, execute, open_session, plan, report
-from harness.store.rows import FILE_NAME, Store, StoreError, load
+from harness.store import FILE_NAME, Store, StoreError, load
 from harness.tables.table import Table
 from harness.trials.points import MOST_POINTS, point_count
 from harness.trials.specs import Trial, beyond_reach, full_specs
@@ -191,7 +192,7 @@ def show_scene(
         sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
         views = {view.name: view for each in specs for view in (each.source, each.target)}
         outlines = {key: sensor.outline(spec.path(view)) for key, view in views.items()}
-    path = (folder or Path("results") / "scenes") / f"{name}.png"
+    path = results_folder(folder, "scenes") / f"{name}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
     save_picture(SCENES[name].builder(params), path, outlines)
     print(path)

@@ -11,6 +11,7 @@ from harness.figures.compare import draw_comparison
 from harness.figures.pair_view import file_slug
 from harness.report.page import Part
 from harness.report.run_page import text_of, write_page
+from harness.results import results_folder
 from harness.store import load
 from harness.tables.compare import changed_table, comparison_table, matched, summary
 from harness.tables.table import write_tables
@@ -30,7 +31,7 @@ def compare(first: Path, second: Path, folder: Path | None) -> int:
             "sensor, views, seed and repeat, and a method of the same label"
         )  # fmt: skip
     names = _names(first, second)
-    folder = folder or Path("results") / file_slug(f"{names[1]}_against_{names[0]}")
+    folder = results_folder(folder, file_slug(f"{names[1]}_against_{names[0]}"))
     tables = [comparison_table(pairs, names), changed_table(pairs, names)]
     tables = [table for table in tables if len(table.frame)]
     write_tables(tables, folder / "tables")

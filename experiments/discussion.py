@@ -19,13 +19,15 @@ from experiments.turned_rotation import Turning, middle_mm, turn
 from harness.config.errors import ConfigError
 from harness.config.reading import dump_yaml
 from harness.provenance import code_fingerprint, note_run
-from harness.store.rows import FILE_NAME, Store, load
+from harness.results import results_folder
+from harness.store import FILE_NAME, Store, load
 from harness.tables.card import card_table
 from harness.tables.pairs import theoretical_error
 from harness.tables.table import Table, write_tables
 from harness.trials.specs import TrialSpec
+from harness.workers.child import Task
 from harness.workers.pool import MakeExecutor, process_pool
-from harness.workers.runner import Task, run
+from harness.workers.runner import run
 
 
 class TrialError(RuntimeError):
@@ -49,7 +51,7 @@ def run_discussion(
     from experiments.discussion_tables import discussion_tables
 
     experiment, asked = load_discussion(path, overrides, seed)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     make_executor = process_pool(min(workers or available_cores(), len(asked)))
     rows = perform_asked(asked, folder, make_executor)
     turned = turn_rotations(experiment, asked, make_executor)
@@ -91,7 +93,7 @@ def rehearse_discussion(
 ) -> list[str]:
     """What a run would do, in lines; writes nothing. Raises ConfigError."""
     experiment, asked = load_discussion(path, overrides, seed)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     performed = _performed(asked)
     missing = len(_missing(performed, folder))
     number = len({a.trial.id for a in performed})  # two questions may ask for the same trial
@@ -113,7 +115,7 @@ def check_rows(
 ) -> None:
     """Raise ConfigError where a folder lacks rows of this very config and code."""
     asked = load_discussion(path, overrides, seed)[1]
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     missing = len(_missing(_performed(asked), folder))
     if missing:
         message = f"{folder} lacks {missing} rows of this config and code; run it without first"

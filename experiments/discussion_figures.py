@@ -23,7 +23,8 @@ from experiments.discussion_tables import (
 from experiments.discussion_trials import PLAIN, DiscussionExperiment
 from harness.figures.looks import GREY, INK
 from harness.figures.page import add_axes, new_figure, page_style, save
-from harness.scoring.poses import COARSE, wilson_interval
+from harness.scoring.chance import wilson_interval
+from harness.scoring.poses import COARSE
 from harness.scoring.row_scores import within
 
 METHODS = {"thesis": "#D55E00", "gauss_sphere": "#0072B2"}

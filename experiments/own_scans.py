@@ -20,6 +20,7 @@ from harness.config.errors import ConfigError
 from harness.figures.clouds import write_merged
 from harness.provenance import run_facts
 from harness.report.own_page import write_own_page
+from harness.results import results_folder
 from harness.scoring import six_parameters
 from registration.calibration import CalibrationError, read_calibration
 from registration.methods import UnknownMethodError, find_method, register
@@ -43,7 +44,7 @@ def register_files(
     Returns the exit status: EXIT_FAILED without an estimate. Raises ConfigError, one line, before
     anything is written.
     """
-    folder = folder or Path("results") / f"{target_file.stem}_{source_file.stem}"
+    folder = results_folder(folder, f"{target_file.stem}_{source_file.stem}")
     _check_folder(folder)
     try:
         params = _params(method, calibration_file)

@@ -20,6 +20,7 @@ from harness.config.reading import dump_yaml, overridden_mapping, validated
 from harness.config.schema import Angle, Choice, Length, ScanSize
 from harness.config.strict import Strict
 from harness.provenance import code_fingerprint, note_run
+from harness.results import results_folder
 from harness.tables.card import as_table, geometry_table
 from harness.tables.table import Table, write_tables
 from registration.calibration import Calibration
@@ -31,6 +32,7 @@ from sensors.card import mean_over_profiles, measure_card
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.target_scans import as_told, scan_target
 
+KIND = "precision"
 Turn = tuple[Angle, Angle]
 FACING: Turn = (0.0, 0.0)
 REHEARSED = 3  # scans that a dry run times
@@ -161,7 +163,7 @@ def run_precision(
         forms_table(calibration),
         residual_table(measured, calibration),
     ]
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     folder.mkdir(parents=True, exist_ok=True)
     resolved: dict[str, Any] = experiment.model_dump(mode="json")
     resolved["sensor"]["params"] = json.loads(json.dumps(dataclasses.asdict(params)))
@@ -195,7 +197,7 @@ def rehearse_precision(
         f"the calibration by, of {size[0]} x {params.pixels} points",
         f"About {min(times_s) * (targets + unseen):.0f} s for the scans; the fit, the card and "
         "the figures come on top, some 10 to 20 s",
-        f"Would be written to {folder or Path('results') / path.stem}",
+        f"Would be written to {results_folder(folder, path.stem)}",
     ]
 
 

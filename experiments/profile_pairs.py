@@ -24,6 +24,7 @@ from harness.config.schema import Experiment
 from harness.execution import scan_view
 from harness.provenance import code_fingerprint, note_run
 from harness.report.packing import write_whole
+from harness.results import results_folder
 from harness.scoring import pose_error, six_parameters
 from harness.tables.table import Table, write_tables
 from harness.tables.views import sensing_tables
@@ -81,7 +82,7 @@ def run_profiles(
     from experiments.profile_tables import profile_tables
 
     experiment, trials = load_profiles(path, overrides, seed)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     rows = kept_rows(experiment, trials, folder)
     if rows is None:
         rows = measure(trials, make_executor)
@@ -100,7 +101,7 @@ def rehearse_profiles(
     Raises ConfigError.
     """
     experiment, trials = load_profiles(path, overrides, seed)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     pairs = len(trials) * experiment.scan.profiles
     told = f"{experiment.title}: {pairs} pairs of profiles"
     if kept_rows(experiment, trials, folder) is not None:
@@ -118,7 +119,7 @@ def check_kept(
     path: Path, folder: Path | None, overrides: Sequence[str] = (), seed: int | None = None
 ) -> None:
     """Raise ConfigError where a folder has no rows of this very config and code."""
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     if kept_rows(*load_profiles(path, overrides, seed), folder) is None:
         message = f"{folder} has no rows of this config and this code; run it without first"
         raise ConfigError("--report-only", (), message)

@@ -9,17 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.chapter_summary import PartResult, summary_tables
-from experiments.chapters import (
-    CALIBRATED,
-    PAIRS,
-    PRECISION,
-    ChaptersExperiment,
-    PartRun,
-    load_chapters,
-)
+from experiments.chapters import CALIBRATED, PAIRS, ChaptersExperiment, PartRun, load_chapters
 from experiments.chapters_page import write_chapters_page
 from experiments.cli import EXIT_INTERRUPTED, EXIT_OK
 from experiments.commands import available_cores, replay, run_all
+from experiments.precision import KIND as PRECISION
 from experiments.precision import run_precision
 from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import kept_rows, run_profiles
@@ -29,7 +23,8 @@ from harness.config.errors import ConfigError
 from harness.config.reading import dump_yaml
 from harness.config.schema import Experiment
 from harness.provenance import code_fingerprint, note_run
-from harness.store.rows import FILE_NAME, StoreError, load
+from harness.results import results_folder
+from harness.store import FILE_NAME, StoreError, load
 from harness.tables.table import Table, write_tables
 from harness.workers.pool import MakeExecutor, process_pool
 
@@ -48,7 +43,7 @@ def run_chapters(
     experiment, runs = load_chapters(path, folder, overrides, seed)
     if redraw:
         _check_rows(runs)
-    folder = folder or Path("results") / path.stem
+    folder = results_folder(folder, path.stem)
     console = make_console()
     workers = workers or available_cores()
     start = time.perf_counter()

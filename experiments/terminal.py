@@ -1,4 +1,4 @@
-"""What the command shows: progress while it works, tables and paths at the end."""
+"""What the command prints: how trials ended, in words, then tables and paths."""
 
 from __future__ import annotations
 

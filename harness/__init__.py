@@ -11,5 +11,6 @@ studies   what the accuracy depends on, with a conclusion
 report    all of it on one page
 
 `session` leads an experiment from its file to its folder, `execution` a trial from its spec to its
-row, `provenance` says which code computed it, and `recent` keeps what was costly to make.
+row, `provenance` says which code computed it, `results` where all of it lies, and `recent` keeps
+what was costly to make.
 """

@@ -16,7 +16,7 @@ from harness.scoring import diagnosis
 from harness.scoring.common_points import Common, common_points, pose_bounds
 from harness.scoring.face_gaps import FaceGaps, centroid_gaps
 from harness.scoring.poses import encoder_pose, exact_pose, pose_error
-from harness.store.rows import Row, RowStatus
+from harness.store import Row, RowStatus
 from harness.trials.random_pairs import NoPairError, RandomSpec, drawn_spec
 from harness.trials.specs import Trial, TrialSpec
 from harness.trials.views import ViewSpec

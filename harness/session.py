@@ -16,16 +16,18 @@ from harness.config.random_schema import RandomPairsExperiment
 from harness.config.reading import AnyExperiment, dump_yaml, load_experiment, overridden_mapping
 from harness.config.resolved import resolved_config, with_defaults
 from harness.provenance import Sources, code_fingerprint, note_run
-from harness.report.folder import FOLDER as RECORDS
+from harness.report.record_paths import RECORDS
+from harness.results import results_folder
 from harness.scoring.face_gaps import FaceGaps
-from harness.store.rows import Store, StoreError, load
+from harness.store import Store, StoreError, load
 from harness.tables.table import Table, write_tables
 from harness.trials.lazy import Lazy
 from harness.trials.random_pairs import build_random_trials
 from harness.trials.specs import Trial, Trials, TrialSpec, build_trials
 from harness.trials.swept import build_swept_trials
+from harness.workers.child import Task
 from harness.workers.pool import MakeExecutor
-from harness.workers.runner import Done, Task, run
+from harness.workers.runner import Done, run
 
 if TYPE_CHECKING:  # it takes 0.4 s to import, which the first trial need not wait for
     import pandas as pd
@@ -94,7 +96,7 @@ def open_session(
     names, read = ({each[i] for each in trials.used} for i in range(2))
     sources = Sources(tuple(sorted(names)), tuple(sorted(read - {""})))
     code = code_fingerprint(*sources)
-    folder = folder or Path("results") / file.stem
+    folder = results_folder(folder, file.stem)
     return Session(file, experiment, trials, folder, code, sources, base, left_out)
 
 

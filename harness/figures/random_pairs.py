@@ -14,8 +14,9 @@ from scipy.stats import chi2
 
 from harness.figures.looks import GREY
 from harness.figures.page import add_axes, new_figure, page_style, save
+from harness.scoring.chance import wilson_interval
 from harness.scoring.normalised_errors import COUNTED, squared_distances
-from harness.scoring.poses import COARSE, FINE, wilson_interval
+from harness.scoring.poses import COARSE, FINE
 from harness.scoring.row_scores import within
 from harness.studies.figures import COLOURS, colours_of
 from harness.tables.pairs import NAMES

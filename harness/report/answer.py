@@ -9,8 +9,8 @@ import pandas as pd
 
 from harness.config.reading import AnyExperiment
 from harness.config.schema import Experiment
-from harness.scoring.chance import rate
-from harness.scoring.poses import COARSE, FINE, wilson_interval
+from harness.scoring.chance import rate, wilson_interval
+from harness.scoring.poses import COARSE, FINE
 from harness.scoring.row_scores import ERRORS, observed_quantile, within
 from harness.tables.pairs import thesis_values
 from harness.tables.table import Table

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from harness.report.faults import stage_at_fault
-from harness.report.folder import still_path
 from harness.report.markup import escaped, table_markup
 from harness.report.offered import worst_first
+from harness.report.record_paths import still_path
 from harness.report.thumbnail import GAP, HEIGHT, WIDTH
 from harness.scoring.poses import COARSE
 from harness.scoring.row_scores import within

@@ -9,10 +9,10 @@ import pandas as pd
 from scipy.spatial.transform import RigidTransform
 
 from harness.figures.pair_view import PairView
-from harness.report.folder import FOLDER, record_path
 from harness.report.packing import compressed, write_whole
 from harness.report.page import Part, Shown
 from harness.report.pair_record import write_pair
+from harness.report.record_paths import RECORDS, record_path
 from harness.report.run_page import write_page
 from harness.report.thumbnail import thumbnail
 from harness.scoring.poses import six_parameters
@@ -52,7 +52,7 @@ def write_own_page(
         overlap=float("nan"),
         result=result,
     )
-    pairs = folder / FOLDER
+    pairs = folder / RECORDS
     record = {"id": IDENTITY, **write_pair(pair, None, pairs)}
     write_whole(record_path(pairs, IDENTITY), compressed(record))
     still = folder / "superposition.png"

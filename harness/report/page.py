@@ -13,7 +13,6 @@ from typing import Any
 
 from harness.figures.looks import INK, NORMAL_COLOURS, SOURCE, TARGET
 from harness.report.failures import command_markup
-from harness.report.folder import record_path
 from harness.report.markup import (
     COPIED_ROWS,
     details,
@@ -26,6 +25,7 @@ from harness.report.markup import (
 )
 from harness.report.packing import compressed
 from harness.report.pictures import load_pictures, pictures_markup
+from harness.report.record_paths import record_path
 from harness.report.study_still import study_still
 from harness.tables.table import Table
 

@@ -13,7 +13,6 @@ from scipy.spatial.transform import RigidTransform
 
 from harness.execution import full_spec, scene_of, sensor_of
 from harness.figures.pair_view import PairView
-from harness.report.folder import record_path
 from harness.report.packing import compressed, write_by_content, write_whole
 from harness.report.pair_layers import (
     Surroundings,
@@ -23,6 +22,7 @@ from harness.report.pair_layers import (
     surroundings_layer,
     view_layers,
 )
+from harness.report.record_paths import record_path
 from harness.scoring.poses import pose_error
 from harness.trials.specs import Trial
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.figures.pair_view import PairView
-from harness.report.folder import record_path, still_path
 from harness.report.packing import write_whole
 from harness.report.pair_record import write_trial
+from harness.report.record_paths import record_path, still_path
 from harness.report.thumbnail import thumbnail
 from harness.scoring.poses import COARSE, is_success, pose_error
 from harness.trials.specs import Trial

@@ -14,16 +14,16 @@ from harness.config.random_schema import RandomPairsExperiment
 from harness.config.reading import load_experiment
 from harness.report.answer import answer_sentence, answer_table, main_label
 from harness.report.failures import failures_markup, failures_table, replay_command
-from harness.report.folder import FOLDER
 from harness.report.offered import offered, worst_first
 from harness.report.packing import write_whole
 from harness.report.page import FILE_NAME, Part, Shown, page_markup
 from harness.report.pair_studies import pair_study
+from harness.report.record_paths import RECORDS
 from harness.report.records import provided
 from harness.report.studies import study
 from harness.scoring.row_scores import ERRORS
 from harness.session import Session
-from harness.store.rows import load
+from harness.store import load
 from harness.tables.table import Table, write_table
 from harness.workers.pool import MakeExecutor
 
@@ -54,7 +54,7 @@ def run_part(
     sweep = session.experiment.sweep
     main = main_label(session.experiment)
     rows = load(session.folder, arrays=False)
-    folder = session.folder / FOLDER
+    folder = session.folder / RECORDS
     wanted = offered(rows, session.drawn_labels, main)
     shown = set(wanted)
     by_id = {trial.id: trial for trial in session.trials if trial.id in shown}
@@ -88,7 +88,7 @@ def run_part(
     own = [key for key, found in records.items() if found["method"] == main]
     first = min(own, key=lambda key: records[key]["repeat"], default="")
     asked = {} if part.study is None else {i for p in part.study["points"] for i in p["ids"]}
-    listed = _listed(rows, command, asked)
+    listed = listed_trials(rows, command, asked)
     return part, Shown(records, folders, listed, first, int((rows["given"] == "").sum()))
 
 
@@ -122,7 +122,7 @@ def plain_part(folder: Path, title: str, description: str, tables: Sequence[Tabl
     )
 
 
-def _listed(
+def listed_trials(
     rows: pd.DataFrame, command: Sequence[str], asked: Collection[str] = ()
 ) -> list[dict[str, Any]]:
     """Trials of the whole method for the list that is searched, the worst first.

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from harness.scoring.poses import COARSE, FINE, wilson_interval
+from harness.scoring.chance import wilson_interval
+from harness.scoring.poses import COARSE, FINE
 from harness.scoring.row_scores import within
 from harness.tables.sweeps import PREFIX, swept_keys
 from harness.trials.points import short_names

@@ -105,25 +105,3 @@ def parameter_errors(exact: FloatArray, estimated: FloatArray) -> FloatArray:
     difference = np.asarray(estimated, dtype=np.float64) - np.asarray(exact, dtype=np.float64)
     difference[..., :3] = 180.0 - np.mod(180.0 - difference[..., :3], 360.0)
     return difference
-
-
-def wilson_interval(
-    successes: int, trials: int, z: float = 1.959963984540054
-) -> tuple[float, float]:
-    """Wilson's interval of a success rate, 95 % by default; (0, 1) when there was no trial.
-
-    Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
-    """
-    if not 0 <= successes <= trials:
-        raise ValueError(
-            f"{successes} successes of {trials} trials; expected 0 <= successes <= trials"
-        )
-    if trials == 0:
-        return 0.0, 1.0
-    rate = successes / trials
-    widening = z * z / trials
-    centre = (rate + widening / 2.0) / (1.0 + widening)
-    half = z / (1.0 + widening) * np.sqrt(rate * (1.0 - rate) / trials + widening / (4.0 * trials))
-    low = 0.0 if successes == 0 else max(0.0, centre - half)
-    high = 1.0 if successes == trials else min(1.0, centre + half)
-    return float(low), float(high)

@@ -1,5 +1,6 @@
 """The rows of an experiment: `load` gives those of a results folder as one table."""
 
-from harness.store.rows import Row, RunState, Store, StoreError, load
+from harness.store.file import FILE_NAME, StoreError
+from harness.store.rows import Row, RowStatus, RunState, Store, load
 
-__all__ = ["Row", "RunState", "Store", "StoreError", "load"]
+__all__ = ["FILE_NAME", "Row", "RowStatus", "RunState", "Store", "StoreError", "load"]

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from harness.store.rows import StoreError, load
+from harness.store.file import StoreError
+from harness.store.rows import load
 
 ENDINGS = (".parquet", ".csv")
 

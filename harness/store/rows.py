@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from harness.store.file import FILE_NAME as FILE_NAME
-from harness.store.file import Lock, connect, packed, telling
-from harness.store.file import StoreError as StoreError
+from harness.store.file import FILE_NAME, Lock, StoreError, connect, packed, telling
 from harness.trials.specs import Trial
 
 if TYPE_CHECKING:  # it takes 0.4 s to import, which the first trial need not wait for

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.scoring.chance import LEVEL, median_interval, sign_test
-from harness.scoring.poses import COARSE, wilson_interval
+from harness.scoring.chance import LEVEL, median_interval, sign_test, wilson_interval
+from harness.scoring.poses import COARSE
 from harness.scoring.row_scores import within
 from registration.scan import BoolArray, FloatArray
 

@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
+from harness.scoring.chance import wilson_interval
 from harness.scoring.normalised_errors import COUNTED, bound_ratios, squared_distances
-from harness.scoring.poses import COARSE, FINE, wilson_interval
+from harness.scoring.poses import COARSE, FINE
 from harness.scoring.row_scores import ERRORS, error_quantiles, within
 from harness.tables.notes import with_notes
 from harness.tables.pairs import NAMES

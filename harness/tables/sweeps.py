@@ -6,7 +6,8 @@ from typing import Any
 
 import pandas as pd
 
-from harness.scoring.poses import COARSE, FINE, wilson_interval
+from harness.scoring.chance import wilson_interval
+from harness.scoring.poses import COARSE, FINE
 from harness.scoring.row_scores import within
 from harness.tables.table import Table
 from harness.trials.points import short_names

@@ -48,7 +48,7 @@ def cluster_pool(address: str) -> Callable[[], Executor]:
             f"no worker has joined {address} within {WAIT_S:g} s; start one by: "
             f"dask worker {address}"
         ) from None
-    return lambda: _Cluster(client, address)
+    return lambda: _Cluster(client)
 
 
 def is_loss(error: BaseException) -> bool:
@@ -74,8 +74,8 @@ def is_loss(error: BaseException) -> bool:
 class _Cluster(Executor):
     """Dask's own executor, and how many trials its workers perform at once."""
 
-    def __init__(self, client: Any, address: str) -> None:
-        self._client, self._address = client, address
+    def __init__(self, client: Any) -> None:
+        self._client = client
         self._executor = client.get_executor(retries=0)
         self._slots, self._looked = 1, -LOOK_EVERY_S
 

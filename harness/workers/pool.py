@@ -1,4 +1,4 @@
-"""Where trials are performed: worker processes on this machine, or those of a Dask cluster."""
+"""Where trials are performed: processes on this machine, or whatever else is an executor."""
 
 from __future__ import annotations
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from harness.config.limits import NO_LIMITS, Limits
 from harness.provenance import Sources
-from harness.store.rows import Row, Store
+from harness.store import Row, Store
 from harness.workers.batches import Batches
-from harness.workers.child import Task as Task
+from harness.workers.child import Task
 from harness.workers.cluster import is_loss
 from harness.workers.pool import MakeExecutor, shutting_down, slots_of
 from harness.workers.supervise import Ended, Origin, perform_all

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 from harness.config.limits import NO_LIMITS, Limits
 from harness.provenance import Sources
-from harness.store.rows import Row
+from harness.store import Row
 from harness.workers.child import Drawn, Task, loaded_code, serve
 from harness.workers.cluster import OtherCodeError
 

@@ -1,29 +1,10 @@
-"""Rotation angles of the thesis, corrected (4-15 to 4-17, 4-21, 4-22)."""
+"""The angles that turn one normal into another, corrected (4-18 to 4-22)."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
-
-from registration.scan import FloatArray
-
-
-def rotation_angles(R: ArrayLike) -> FloatArray:
-    """Angles (psi, phi, theta) in rad about X, Y and Z of R = Rz(theta) Ry(phi) Rx(psi) (4-6).
-
-    R: (..., 3, 3), in the thesis's letters [[g, h, i], [j, k, l], [m, n, p]]. Corrected: (4-15) to
-    (4-17) as printed are the angles of the reverse order. At phi = +-90 degrees, where psi and
-    theta turn about the same axis, all of it is given to psi.
-    """
-    R = np.asarray(R, dtype=np.float64)
-    g, j, m = R[..., 0, 0], R[..., 1, 0], R[..., 2, 0]
-    n, p = R[..., 2, 1], R[..., 2, 2]
-    level = np.hypot(g, j)
-    locked = level < 1e-12
-    theta = np.where(locked, 0.0, np.arctan2(j, g))
-    psi = np.where(locked, np.arctan2(-R[..., 1, 2], R[..., 1, 1]), np.arctan2(n, p))
-    return np.stack([psi, np.arctan2(-m, level), theta], axis=-1)
 
 
 def two_rotations(normal: ArrayLike, source_normal: ArrayLike) -> Rotation:

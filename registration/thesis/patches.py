@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from registration.scan import BoolArray, FloatArray, IntArray, Scan
 from registration.thesis.irregular import covered_points, join_transitions, strip_areas
@@ -49,22 +48,6 @@ class Patches:
 
     def __len__(self) -> int:
         return len(self.normal)
-
-
-def move_patches(patches: Patches, T_new_old: RigidTransform) -> Patches:
-    """Express patches in another frame; normals keep their side."""
-    normal = T_new_old.rotation.apply(patches.normal)
-    centroid = T_new_old.apply(patches.centroid_mm)
-    shift = np.einsum("mj,j->m", normal, T_new_old.translation)
-    corners = T_new_old.apply(patches.corners_mm.reshape(-1, 3)).reshape(-1, 4, 3)
-    return replace(
-        patches,
-        normal=normal,
-        offset_mm=patches.offset_mm + shift,
-        centroid_mm=centroid,
-        corners_mm=corners,
-        points_mm=T_new_old.apply(patches.points_mm),
-    )
 
 
 def build_patches(

@@ -3,54 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import pandas as pd
 import pytest
+from pages import CONFIG, complaints, needs_browser, opened, until
 from selenium import webdriver
-from selenium.webdriver.chrome.options import Options
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import WebDriverWait
 
 from experiments.cli import main
-from harness.config.random_schema import RandomPairsExperiment
-from harness.config.reading import load_experiment
-from harness.report.page import LARGEST_BYTES, Part, Shown, page_markup
-from harness.report.pair_studies import pair_study
-from harness.report.run_page import _listed
+from harness.report.page import LARGEST_BYTES
 from harness.store import load
-
-CONFIGS = Path(__file__).parents[2] / "configs"
-BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-needs_browser = pytest.mark.skipif(
-    (BROWSER is None or DRIVER is None) and "BROWSER_REQUIRED" not in os.environ,
-    reason="no chromium and chromedriver here: apt-get install chromium chromium-driver",
-)
-MARKUP = "plates <b id=planted>& \"quotes\"</b><script>document.title='planted'</script>"
-CONFIG = f"""\
-title: 'Plates seen twice {MARKUP.replace("'", "''")}'
-scene: {{name: separated_planes}}
-sensor: {{name: jupiter}}
-scan: {{profiles: 40, step_mm: 5.0}}
-views:
-  left: {{aim_mm: [0, 0, 0], distance_mm: 700, yaw_deg: -8}}
-  right: {{aim_mm: [0, 0, 0], distance_mm: 700, yaw_deg: 8}}
-pairs:
-  '{MARKUP.replace("'", "''")}': {{source: left, target: right}}
-methods:
-  - {{name: thesis}}
-  # It reads no patch from noisy scans: a failure to show.
-  - {{name: thesis, preset: literal, label: literal, figures: false}}
-  - {{name: gauss_sphere}}
-repeats: 2
-"""
 
 
 @pytest.fixture(scope="module")
@@ -88,59 +51,6 @@ def test_the_page_is_built_again_the_same(results: Path) -> None:
     assert (results / "report.html").read_bytes() == before
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[webdriver.Chrome]:
-    """Chromium without a screen, a profile or a network."""
-    options = Options()
-    assert BROWSER is not None
-    options.binary_location = BROWSER
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        for argument in (
-            "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run",
-            "--disable-background-networking", "--disable-component-update", "--disable-sync",
-            "--disable-dev-shm-usage", "--enable-unsafe-swiftshader", "--use-gl=angle",
-            "--use-angle=swiftshader", "--hide-scrollbars", f"--user-data-dir={profile}",
-            "--host-resolver-rules=MAP * ~NOTFOUND",
-        ):  # fmt: skip
-            options.add_argument(argument)
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-        driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-        driver.set_page_load_timeout(60)
-        try:
-            yield driver
-        finally:
-            driver.quit()
-
-
-def opened(browser: webdriver.Chrome, page: Path, width: int = 1400) -> None:
-    """Open a page from disk at a width; what was logged before is dropped."""
-    size = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    browser.get("about:blank")
-    for kind in ("browser", "performance"):
-        browser.get_log(kind)
-    browser.get(page.as_uri())
-    # On a busy machine the driver comes back before the page's scripts have run.
-    loaded = "location.protocol === 'file:' && document.readyState === 'complete'"
-    until(browser, loaded, f"{page.name} is not loaded")
-
-
-def complaints(browser: webdriver.Chrome) -> list[str]:
-    """What the console holds of errors, and every request that left the page."""
-    found = [e["message"] for e in browser.get_log("browser") if e["level"] == "SEVERE"]
-    for entry in browser.get_log("performance"):
-        message: dict[str, Any] = json.loads(entry["message"])["message"]
-        if message["method"] == "Network.requestWillBeSent":
-            url = message["params"]["request"]["url"]
-            if not url.startswith(("file:", "data:", "blob:")):
-                found.append(f"asked for {url}")
-    return found
-
-
-def until(browser: webdriver.Chrome, script: str, what: str) -> None:
-    WebDriverWait(browser, 90, 0.2).until(lambda b: b.execute_script(f"return {script}"), what)
-
-
 def drawn(browser: webdriver.Chrome) -> list[int]:
     """How many points or corners each trace in the space has."""
     return browser.execute_script(
@@ -149,7 +59,7 @@ def drawn(browser: webdriver.Chrome) -> list[int]:
 
 
 @needs_browser
-def test_a_reader_uses_the_page(results: Path, browser: webdriver.Chrome, tmp_path: Path) -> None:
+def test_a_reader_uses_the_page(results: Path, browser: webdriver.Chrome) -> None:
     opened(browser, results / "report.html")
     assert browser.title.startswith("Plates seen twice plates <b id=planted>")
     assert browser.find_elements(By.ID, "planted") == []
@@ -244,101 +154,6 @@ def test_tables_are_sorted_and_copied(results: Path, browser: webdriver.Chrome) 
     until(browser, "window.copied", "the table is copied")
     csv = (results / "tables" / "success.csv").read_text(encoding="utf-8")
     assert browser.execute_script("return window.copied") == csv
-    assert complaints(browser) == []
-
-
-@needs_browser
-def test_a_study_leads_from_its_points_to_their_trials(
-    results: Path, browser: webdriver.Chrome, tmp_path: Path
-) -> None:
-    config = tmp_path / "study.yaml"
-    sweep = "sweep: {over: {scan.step_mm: [4, 5], scan.profiles: [36, 40]}}\n"
-    text = CONFIG.replace("repeats: 2", "repeats: 1") + sweep
-    config.write_text(text, encoding="utf-8")
-    out = tmp_path / "out"
-    assert main([str(config), "--out", str(out), "--workers", "2"]) == 0
-    opened(browser, out / "report.html")
-    browser.execute_script("document.getElementById('study').scrollIntoView()")
-    until(browser, "document.querySelector('form.study').dataset.ready", "the study is drawn")
-    plot = "document.querySelector('form.study .plot')"
-    assert browser.execute_script(f"return {plot}.data.length") == 3  # methods
-    for name, value in (("and", "1"), ("method", "thesis")):
-        browser.execute_script(
-            f"const s = document.querySelector('form.study').elements['{name}'];"
-            f"s.value = '{value}'; s.dispatchEvent(new Event('change'))"
-        )
-    until(browser, f"{plot}.data[0].type === 'heatmap'", "a map over two keys")
-    browser.execute_script(
-        f"{plot}.emit('plotly_click', {{points: [{{curveNumber: 0, pointNumber: [1, 0]}}]}})"
-    )
-    shown = browser.find_element(By.CSS_SELECTOR, "form.study .behind tbody").text
-    rows = load(out)
-    chosen = (rows["sweep.scan.step_mm"] == 4) & (rows["sweep.scan.profiles"] == 40)
-    (identity,) = rows.loc[chosen & (rows["method"] == "thesis"), "id"]
-    assert shown.startswith(identity)
-    # Without a mouse, a point is chosen from a list.
-    browser.execute_script(
-        "const s = document.querySelector('form.study').elements.point;"
-        "s.value = '3'; s.dispatchEvent(new Event('change'))"
-    )
-    assert browser.find_element(By.CSS_SELECTOR, "form.study .behind").is_displayed()
-    assert complaints(browser) == []
-    # Without scripts a still stands in its place.
-    browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
-    try:
-        opened(browser, out / "report.html")
-        still = browser.find_element(By.CSS_SELECTOR, "#study img")
-        assert still.is_displayed()
-        assert still.size["width"] > 300
-    finally:
-        browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
-
-
-@needs_browser
-@pytest.mark.parametrize("kind", ["overlap", "leaderboard"])
-def test_a_study_of_random_pairs_leads_to_their_trials(
-    browser: webdriver.Chrome, tmp_path: Path, kind: str
-) -> None:
-    rows = pd.DataFrame(
-        [
-            {
-                "id": f"{method}{number:08d}", "pair": f"{'ab'[number % 2]} {number}",
-                "method": method, "given": "", "repeat": 0, "status": "ok",
-                "rotation_error_deg": 0.1, "translation_error_mm": 1.0, "ms_registration": 9.0,
-                "overlap_target": 0.15 + 0.1 * (number // 2), "overlap_source": 0.9,
-            }
-            for number in range(14) for method in ("first", "second")
-        ]
-    )  # fmt: skip
-    experiment = load_experiment(CONFIGS / f"{kind}.yaml")
-    assert isinstance(experiment, RandomPairsExperiment)
-    part = Part(name="x", title="x", study=pair_study(rows, experiment))
-    page = tmp_path / "report.html"
-    listed = _listed(rows, ["run-experiment", "x.yaml"])
-    page.write_text(page_markup("x", [part], Shown(trials=listed)), encoding="utf-8")
-    opened(browser, page)
-    until(browser, "document.querySelector('form.study').dataset.ready", "the study is drawn")
-    plot = "document.querySelector('form.study .plot')"
-    curves = browser.execute_script(f"return {plot}.data.map((t) => [t.mode, [...t.x]])")
-    if kind == "overlap":
-        middles = [15, 25, 35, 45, 55, 65, 75]
-        assert curves == [["lines+markers", middles]] * 2
-        behind = ["second00000004", "second00000005"]
-    else:
-        assert curves == [["markers", ["first", "second"]]]
-        behind = sorted(rows.loc[rows["method"] == "second", "id"])
-    curve, point = (1, 2) if kind == "overlap" else (0, 1)
-    where = f"{{curveNumber: {curve}, pointNumber: {point}}}"
-    browser.execute_script(f"{plot}.emit('plotly_click', {{points: [{where}]}})")
-    lines = browser.find_elements(By.CSS_SELECTOR, "form.study .behind tbody tr")
-    assert sorted(line.text.split()[0] for line in lines) == behind
-    browser.execute_script(
-        "const s = document.querySelector('form.study').elements;"
-        "s.method.value = s.method.options[s.method.options.length - 1].value;"
-        "s.and.value = '1'; s.and.dispatchEvent(new Event('change'))"
-    )
-    until(browser, f"{plot}.data[0].type === 'heatmap'", "a map over the scenes")
-    assert browser.execute_script(f"return [...{plot}.data[0].y]") == ["all", "a", "b"]
     assert complaints(browser) == []
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from conftest import ROOT, count_of, rows_of, run, wait_until
+from commanded_runs import ROOT, count_of, rows_of, run, wait_until
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 

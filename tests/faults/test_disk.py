@@ -9,7 +9,7 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
-from conftest import count_of, rows_of, run
+from commanded_runs import count_of, rows_of, run
 
 # Of Linux: prctl, capabilities.
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1

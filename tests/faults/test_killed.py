@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import psutil
-from conftest import HERE, command, count_of, rows_of, run, wait_until, workers_of
+from commanded_runs import HERE, command, count_of, rows_of, run, wait_until, workers_of
 
 # Most hit drivers that begin at once, at any moment of a run; some the command itself, whose worker
 # processes have to end too.

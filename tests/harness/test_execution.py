@@ -7,9 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
+from shipped_configs import CONFIGS
 
 from harness.config.reading import load_experiment
-from harness.execution import Recent, perform
+from harness.execution import perform
 from harness.scoring import exact_pose
 from harness.trials.specs import build_trials
 from registration import register
@@ -18,7 +19,7 @@ from scenes.scene import Scene
 from sensors.jupiter import Jupiter
 from sensors.paths import ViewPath
 
-DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"
+DESK = CONFIGS / "desk.yaml"
 
 
 def trial_of(file: Path, *overrides: str, index: int = 0):
@@ -110,20 +111,3 @@ def test_a_method_of_ones_own_takes_its_parameters(small_file: Path) -> None:
     )
     row = perform(trial).row
     assert (row.status, row.reason) == ("failed", "because")
-
-
-def test_recent_results_are_made_once_and_old_ones_are_dropped() -> None:
-    made: list[str] = []
-    recent = Recent(2)
-    for key in "abacab":
-        assert recent.get(key, lambda key=key: made.append(key) or key) == key
-    assert made == ["a", "b", "c", "b"]
-
-
-def test_what_was_made_of_the_same_objects_is_not_made_again() -> None:
-    made: list[tuple[object, ...]] = []
-    recent, one, equal = Recent(1), ["a"], ["a"]
-    for parts in ((one, 1), (one, 1), (equal, 1), (equal,), (one, 1)):
-        assert recent.same("name", parts, lambda parts=parts: made.append(parts) or parts) == parts
-    assert [id(parts[0]) for parts in made] == [id(one), id(equal), id(equal), id(one)]
-    assert recent.same("other", (one, 1), lambda: "new") == "new"

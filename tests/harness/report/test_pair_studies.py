@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from shipped_configs import CONFIGS
 
 from harness.config.random_schema import RandomPairsExperiment
 from harness.config.reading import load_experiment
 from harness.report.pair_studies import pair_study
 from harness.studies.study import find
 
-CONFIGS = Path(__file__).parents[3] / "configs"
 METHODS = ("thesis", "gauss_sphere")
 FAMILIES = ("desk", "clutter")
 

@@ -28,7 +28,7 @@ from harness.report.offered import OF_A_KIND, WORST, offered, worst_first
 from harness.report.packing import compressed, packed
 from harness.report.page import Part, Shown, page_markup
 from harness.report.pictures import load_pictures
-from harness.report.run_page import LISTED, _listed
+from harness.report.run_page import LISTED, listed_trials
 from harness.report.studies import MOST_POINTS, study
 from harness.tables.table import Table
 from registration import Scan, register
@@ -138,11 +138,11 @@ def test_a_large_sweep_shows_what_can_be_read() -> None:
     assert found["of"] == points
     assert found["shown"] == len(found["points"]) <= MOST_POINTS
     asked = {identity for point in found["points"] for identity in point["ids"]}
-    listed = _listed(frame, ["run-experiment", "x.yaml"], asked)
+    listed = listed_trials(frame, ["run-experiment", "x.yaml"], asked)
     assert LISTED <= len(listed) <= LISTED + len(asked)
     assert asked <= {trial["id"] for trial in listed}
     assert listed[0]["mm"] == 59.0
-    whole = _listed(frame[:100], ["run-experiment", "x.yaml"])
+    whole = listed_trials(frame[:100], ["run-experiment", "x.yaml"])
     assert len(whole) == 100
     part = Part(name="x", title="x", study=found)
     page = page_markup("x", [part], Shown(trials=listed, total=points))

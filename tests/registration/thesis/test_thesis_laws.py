@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact_patches import assert_same_pose, move_patches, random_plates, random_pose, true_patches
 from plane_scans import Plates, move_plates, plates_from, pose_error, scan_plates
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from registration import register
 from registration.thesis.gauss_sphere import compact_sphere
 from registration.thesis.params import RotationParams, ThesisParams, TranslationParams
-from registration.thesis.patches import Patches, move_patches
 from registration.thesis.pipeline import register_patches, register_segments
 from registration.thesis.rotation import match_normals
 from registration.thesis.translation import estimate_translation, oriented_pairs
@@ -26,54 +26,6 @@ READINGS = {
     "plain mean": ThesisParams(translation=TranslationParams(area_ratio_weights=False)),
 }
 IN_3D = replace(ThesisParams(), translation=TranslationParams(density="3d"))
-
-
-def true_patches(plates: Plates) -> Patches:
-    """The patches of plates, exactly."""
-    corners = (
-        plates.centre_mm[:, None]
-        + (np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * plates.half_mm[:, None])
-        @ plates.axes[:, :2]
-    )
-    m = len(plates)
-    return Patches(
-        normal=plates.axes[:, 2],
-        offset_mm=np.einsum("mj,mj->m", plates.axes[:, 2], plates.centre_mm),
-        centroid_mm=plates.centre_mm,
-        area_mm2=4.0 * plates.half_mm.prod(axis=1),
-        corners_mm=corners,
-        count=np.full(m, 20),
-        profile_first=np.zeros(m, dtype=np.int64),
-        profile_last=np.full(m, 19),
-        intermediate=np.zeros(m, dtype=bool),
-        points_mm=corners.reshape(-1, 3),
-        point_patch=np.repeat(np.arange(m), 4),
-    )
-
-
-def random_plates(rng: np.random.Generator, m: int = 12) -> Plates:
-    """Plates that face the sensor, some of them parallel."""
-    normals = np.column_stack([rng.normal(scale=0.5, size=(m, 2)), -np.ones(m)])
-    normals[m - 3 :] = normals[:3]
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return plates_from(
-        normals,
-        rng.uniform([0, -250, 700], [300, 250, 1100], size=(m, 3)),
-        rng.uniform(20, 90, size=(m, 2)),
-    )
-
-
-def random_pose(rng: np.random.Generator, turn_rad: float = np.pi) -> RigidTransform:
-    axis = rng.normal(size=3)
-    turn = Rotation.from_rotvec(axis / np.linalg.norm(axis) * rng.uniform(0.0, turn_rad))
-    return RigidTransform.from_components(rng.uniform(-500, 500, 3), turn)
-
-
-def assert_same_pose(T_a: RigidTransform, T_b: RigidTransform, tolerance: float = 1e-9) -> None:
-    """Within the tolerance in rad, and in mm per metre."""
-    angle_deg, distance_mm = pose_error(T_a, T_b)
-    assert np.radians(angle_deg) < tolerance
-    assert distance_mm < 1e3 * tolerance
 
 
 @pytest.mark.parametrize("reading", READINGS)

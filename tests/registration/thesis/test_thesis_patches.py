@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plane_scans import Plates, plates_from, scan_plates
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from registration import Scan
 from registration.thesis.gauss_sphere import compact_sphere
@@ -18,7 +18,7 @@ from registration.thesis.params import (
     SegmentParams,
     SphereParams,
 )
-from registration.thesis.patches import Patches, build_patches, move_patches
+from registration.thesis.patches import Patches, build_patches
 from registration.thesis.planes import fit_planes
 from registration.thesis.segments import find_segments
 from registration.thesis.translation import densest_ball, densest_box
@@ -68,15 +68,6 @@ def test_readings_that_need_the_scan_say_so() -> None:
     assert len(build_patches(segments, chain, PatchParams(triplets="fitted"))) == 1
     with pytest.raises(ValueError, match='"carried", which reads depths from the scan'):
         build_patches(segments, chain, PatchParams(triplets="carried"))
-
-
-def test_moving_patches_and_back_changes_nothing() -> None:
-    patches = patches_of(scan_plates(upright_plate(), 60))
-    rng = np.random.default_rng(0)
-    T = RigidTransform.from_components(rng.normal(size=3) * 300, Rotation.random(rng=rng))
-    again = move_patches(move_patches(patches, T), T.inv())
-    for name in ("normal", "offset_mm", "centroid_mm", "corners_mm", "points_mm"):
-        np.testing.assert_allclose(getattr(again, name), getattr(patches, name), atol=1e-9)
 
 
 def test_an_intermediate_patch_bridges_two_groups_that_run_parallel() -> None:

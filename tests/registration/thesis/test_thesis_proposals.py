@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact_patches import assert_same_pose, move_patches, random_plates, random_pose, true_patches
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plane_scans import move_plates, plates_from, pose_error, scan_plates
 from scipy.spatial.transform import RigidTransform, Rotation
-from test_thesis_laws import assert_same_pose, random_plates, random_pose, true_patches
 
 from registration import Scan, register
 from registration.thesis.icp import point_to_plane, surface
@@ -21,7 +21,7 @@ from registration.thesis.params import (
     ThesisParams,
     TranslationParams,
 )
-from registration.thesis.patches import Patches, build_patches, move_patches
+from registration.thesis.patches import Patches, build_patches
 from registration.thesis.pipeline import register_patches
 from registration.thesis.segments import find_segments
 from registration.thesis.translation import densest_ball, densest_nested, shift_between_planes

@@ -3,13 +3,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from shipped_configs import CONFIGS
 
 from harness.config.reading import load_experiment
 from harness.session import open_session
 from harness.store import Row, Store, load
 from harness.tables.views import compaction_table
 
-FOAM = Path(__file__).parents[2] / "configs" / "foam.yaml"
+FOAM = CONFIGS / "foam.yaml"
 TWICE = ["methods=[{name: thesis}, {name: gauss_sphere}]", "repeats=2"]
 
 

@@ -7,11 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from shipped_configs import CONFIGS
 
 from harness import execution
+from harness.config.choices import canonical_json
 from harness.config.errors import ConfigError
 from harness.config.limits import Limits
+from harness.config.random_schema import RandomPairsExperiment
 from harness.config.reading import load_experiment
+from harness.execution import full_spec
 from harness.session import open_session
 from harness.trials import random_pairs
 from harness.trials.random_pairs import (
@@ -21,7 +25,7 @@ from harness.trials.random_pairs import (
     drawn_spec,
     family_of,
 )
-from harness.trials.specs import Trial, TrialSpec, canonical_json
+from harness.trials.specs import Trial, TrialSpec
 from harness.workers.child import Task
 from harness.workers.supervise import perform_all
 from sensors.noise import NoiseParams
@@ -209,3 +213,17 @@ def test_rows_of_another_calibration_are_not_reused(config: Path, tmp_path: Path
 def test_specs_are_frozen(config: Path) -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
         trials_of(config)[0].spec.seed = 1
+
+
+def test_the_pairs_stay_those_that_were_drawn_for() -> None:
+    study = load_experiment(CONFIGS / "step_profiles.yaml")
+    assert isinstance(study, RandomPairsExperiment)
+    views = set()
+    for profiles in (15, 30):
+        scan = study.scan.model_copy(update={"profiles": profiles, "step_mm": 300.0 / profiles})
+        changed = study.model_copy(update={"scan": scan, "sweep": None, "study": None})
+        trial = build_random_trials(changed, CONFIGS / "step_profiles.yaml")[0]
+        spec = full_spec(trial)
+        assert (spec.profiles, spec.step_mm) == (profiles, 300.0 / profiles)
+        views.add((spec.target, spec.source))
+    assert len(views) == 1

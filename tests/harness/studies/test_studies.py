@@ -8,26 +8,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from shipped_configs import CONFIGS
 
-from harness.config import choices
-from harness.config.errors import ConfigError
 from harness.config.random_schema import RandomPairsExperiment
-from harness.config.reading import load_experiment, validated
-from harness.config.study_schema import Study
-from harness.config.sweep_schema import Sweep
-from harness.execution import full_spec
+from harness.config.reading import load_experiment
 from harness.figures.page import page_style
-from harness.recent import Recent
-from harness.studies.indices import sobol_indices
-from harness.studies.numbers import beyond_chance, gained_lost, outcomes
 from harness.studies.study import Findings, draw_study, find
-from harness.trials.points import point_count, sweep_points
-from harness.trials.random_pairs import build_random_trials
-from registration.peers import MissingPeerError
+from harness.trials.points import sweep_points
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 STUDIES = sorted(f.stem for f in CONFIGS.glob("*.yaml") if "\nstudy:" in f.read_text("utf-8"))
 
 
@@ -76,71 +64,6 @@ def test_the_studies_are_shipped() -> None:
     assert STUDIES == [
         "leaderboard", "noise", "overlap", "sensitivity", "sensitivity_sobol", "step_profiles",
     ]  # fmt: skip
-
-
-def test_failures_count_with_errors_at_the_cut() -> None:
-    rows = pd.DataFrame(
-        {
-            "given": [""] * 4,
-            "status": ["ok", "failed", "ok", "ambiguous"],
-            "rotation_error_deg": [0.5, np.nan, 90.0, 0.1],
-            "translation_error_mm": [2.0, np.nan, 10.0, 0.1],
-        }
-    )
-    known = outcomes(rows)
-    assert known["right"].tolist() == [True, False, False, False]
-    assert known["rotation_cut_deg"].tolist() == [0.5, 5.0, 5.0, 5.0]
-    assert known["translation_cut_mm"].tolist() == [2.0, 30.0, 10.0, 30.0]
-
-
-@given(st.lists(st.floats(0.0, 1.0), max_size=12))
-def test_holm_holds_as_its_definition_says(p_values: list[float]) -> None:
-    held = beyond_chance(p_values)
-    ordered = sorted(p_values)
-    n = len(p_values)
-    most = next((k for k in range(n) if ordered[k] > 0.05 / (n - k)), n)
-    assert held.sum() == most
-    assert sorted(np.asarray(p_values)[held]) == ordered[:most]
-
-
-def test_gains_and_losses_are_of_pairs() -> None:
-    ours = pd.DataFrame({"pair": list("abcd"), "repeat": 0, "right": [True, True, True, False]})
-    theirs = pd.DataFrame({"pair": list("dcba"), "repeat": 0, "right": [True, False, False, True]})
-    gained, lost, p = gained_lost(ours, theirs)
-    assert (gained, lost) == (2, 1)
-    assert p == 1.0
-
-
-@pytest.mark.parametrize("reversed_", [False, True])
-def test_indices_of_ishigami(reversed_: bool) -> None:
-    bounds = {"distribution": "uniform", "from": -np.pi, "to": np.pi}
-    keys = ["x1", "x2", "x3"]
-    data = {"design": "saltelli", "samples": 1024, "over": dict.fromkeys(keys, bounds)}
-    sweep: Sweep = validated(Sweep, data, "file")
-    x1, x2, x3 = np.array([list(p.values.values()) for p in sweep_points(sweep)]).T
-    if reversed_:
-        x1, x3 = x3, x1
-    a, b = 7.0, 0.1
-    outputs = np.sin(x1) + a * np.sin(x2) ** 2 + b * x3**4 * np.sin(x1)
-    found = sobol_indices(sweep, outputs)
-    np.testing.assert_array_equal(found, sobol_indices(sweep, outputs))
-    # T. Ishigami and T. Homma, 1990: the variance and its parts are known.
-    interplay = 8.0 * b**2 * np.pi**8 / 225.0
-    alone = np.array([0.5 * (1.0 + b * np.pi**4 / 5.0) ** 2, a**2 / 8.0, 0.0])
-    total = alone + np.array([interplay, 0.0, interplay])
-    order = slice(None, None, -1) if reversed_ else slice(None)
-    variance = alone.sum() + interplay
-    np.testing.assert_allclose(found.first[order], alone / variance, atol=0.06)
-    np.testing.assert_allclose(found.total[order], total / variance, atol=0.06)
-    inside = np.abs(found.total[order] - total / variance) <= 1.5 * found.total_half[order]
-    assert inside.all()
-    assert (found.first_half < 0.2).all()
-
-
-def test_an_output_without_variance_has_no_indices() -> None:
-    over = {"x1": {"distribution": "uniform", "from": 0, "to": 1}}
-    sweep: Sweep = validated(Sweep, {"design": "saltelli", "samples": 4, "over": over}, "file")
-    assert np.isnan(sobol_indices(sweep, np.ones(point_count(sweep))).total).all()
 
 
 KEYS = {"WARP": "methods.thesis.params.segments.warp_mm",
@@ -263,81 +186,3 @@ def test_a_figure_has_its_conclusion_at_its_foot() -> None:
         texts = [text.get_text() for text in found.figures["overlap"]().texts]
     words = " ".join(found.conclusion)
     assert words in [" ".join(text.split()) for text in texts]
-
-
-@pytest.mark.parametrize(
-    ("kind", "names", "sweep", "message"),
-    [
-        ("curves", {}, None, "needs a sweep of design one_at_a_time, there is none"),
-        ("indices", {}, {"over": {"a": [1]}}, "needs a sweep of design saltelli, not product"),
-        ("overlap", {}, {"over": {"a": [1]}}, "has no sweep; take `sweep` out"),
-        ("ranking", {"a": "b"}, None, "`names` says nothing"),
-        ("effects", {}, {"over": {"a": [1], "b": [1]}}, "sweeps one key, not 2"),
-        ("effects", {"b": "B"}, {"over": {"a": [1]}}, "`names` has b, which is not swept"),
-        ("grid", {}, {"over": {"a": [1]}}, "sweeps scan.profiles and scan.step_mm"),
-        (
-            "grid",
-            {},
-            {"over": {"scan.profiles": [8], "scan.step_mm": {"named": {"a": 1}}}},
-            "needs numbers of scan.step_mm, not names",
-        ),
-        (
-            "curves",
-            {},
-            {"design": "one_at_a_time", "over": {"a": [1, "b"]}},
-            "needs numbers, or names that are, of a, not 'b'",
-        ),
-        (
-            "curves",
-            {},
-            {"design": "one_at_a_time", "over": {"a": {"named": {"5": 1, "b": 2}}}},
-            "needs numbers, or names that are, of a, not 'b'",
-        ),
-        ("effects", {}, {"over": {"a": {"named": {"only x": 1}}}}, "'all' among them"),
-        ("effects", {}, {"over": {"a": {"named": {"all": 1, "no x": 2}}}}, "'twice X', not 'no x'"),
-        ("effects", {}, {"over": {"a": [1, 2]}}, "needs values of a named 'none', 'all'"),
-    ],
-)
-def test_a_study_needs_its_sweep(
-    kind: str, names: dict[str, str], sweep: dict[str, Any] | None, message: str
-) -> None:
-    study: Study = validated(Study, {"kind": kind, "names": names}, "file")
-    made = None if sweep is None else validated(Sweep, sweep, "file")
-    with pytest.raises(ValueError, match=message):
-        study.check(made)
-
-
-def test_keys_that_go_along() -> None:
-    data = {"over": {"a": [1, 2]}, "along": {"b": ["c"]}}
-    with pytest.raises(ConfigError, match="`along` names b, which is not swept"):
-        validated(Sweep, data, "file")
-    with pytest.raises(ConfigError, match="a is swept twice"):
-        validated(Sweep, data | {"along": {"a": ["a"]}}, "file")
-
-
-def test_the_pairs_stay_those_that_were_drawn_for() -> None:
-    study = experiment("step_profiles")
-    views = set()
-    for profiles in (15, 30):
-        scan = study.scan.model_copy(update={"profiles": profiles, "step_mm": 300.0 / profiles})
-        changed = study.model_copy(update={"scan": scan, "sweep": None, "study": None})
-        trial = build_random_trials(changed, CONFIGS / "step_profiles.yaml")[0]
-        spec = full_spec(trial)
-        assert (spec.profiles, spec.step_mm) == (profiles, 300.0 / profiles)
-        views.add((spec.target, spec.source))
-    assert len(views) == 1
-
-
-def test_optional_methods_are_left_out_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(name: str, _: Any) -> None:
-        raise MissingPeerError(f"{name} is not installed")
-
-    monkeypatch.setattr(choices, "check_installed", missing)
-    methods = experiment("leaderboard").methods
-    kept, reasons = choices.installed_methods(methods, CONFIGS / "leaderboard.yaml")
-    assert {method.name for method in kept} == {"gauss_sphere", "thesis"}
-    assert len(kept) + len(reasons) == len(methods)
-    assert "RANSAC is left out: open3d_ransac is not installed" in reasons
-    needed = tuple(method.model_copy(update={"optional": False}) for method in methods)
-    with pytest.raises(ConfigError, match="open3d_ransac is not installed"):
-        choices.chosen_methods(needed, CONFIGS / "leaderboard.yaml", Recent(20))

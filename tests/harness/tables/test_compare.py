@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.cli import main
-from harness.scoring.chance import sign_test
 from harness.tables.compare import (
     changed_table,
     comparison_table,
@@ -39,14 +38,6 @@ def rows(errors_mm: list[float | None], params: str = "x", seed: int = 0) -> pd.
             for repeat, error in enumerate(errors_mm)
         ]
     )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("only_a", "only_b", "p"), [(0, 0, 1.0), (0, 1, 1.0), (0, 5, 0.0625), (5, 0, 0.0625),
-                                (1, 6, 0.125), (0, 10, 2 * 0.5**10)]
-)  # fmt: skip
-def test_the_sign_test_is_the_binomial_test(only_a: int, only_b: int, p: float) -> None:
-    assert sign_test(only_a, only_b) == pytest.approx(p)
 
 
 def few_or_many(least: int, most: int) -> st.SearchStrategy[list[float]]:

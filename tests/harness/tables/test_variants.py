@@ -3,12 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.stats import binom
 
 from harness.config.schema import MethodChoice
-from harness.scoring.chance import FEWEST, LEVEL, median_interval
 from harness.tables.variants import variant_tables
 
 METHODS = [
@@ -63,22 +59,3 @@ def test_trials_are_compared_on_the_same_scans() -> None:
 
 def test_methods_that_stand_alone_have_no_variants() -> None:
     assert variant_tables(METHODS[1:], rows_of({"better": [True]}, {"better": 1.0}), False) == []
-
-
-@given(st.lists(st.floats(0.01, 100.0), min_size=FEWEST, max_size=80))
-def test_the_interval_of_a_median_holds_it_as_often_as_it_says(values: list[float]) -> None:
-    """Its ends are the order statistics that the binomial law asks for, and no nearer ones do."""
-    low, high = median_interval(np.array(values))
-    ordered = sorted(values)
-    n = len(values)
-    # Of distinct values in their order the ends are the ranks themselves.
-    ends = median_interval(np.arange(1.0, n + 1.0))
-    k = int(ends[0])
-    assert ends[1] == n + 1 - k
-    assert (low, high) == (ordered[k - 1], ordered[n - k])
-    assert 1.0 - 2.0 * binom.cdf(k - 1, n, 0.5) >= LEVEL
-    assert 1.0 - 2.0 * binom.cdf(k, n, 0.5) < LEVEL
-
-
-def test_too_few_values_have_no_interval() -> None:
-    assert median_interval(np.ones(FEWEST - 1)) is None

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
+from shipped_configs import CONFIGS
 
 from experiments.cli import main
 from harness.config.errors import ConfigError
@@ -19,7 +20,7 @@ from harness.tables.views import arm_table
 from harness.trials.specs import Trial, TrialSpec, beyond_reach, build_trials
 from sensors.arm import ArmParams, ArmPath
 
-DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"
+DESK = CONFIGS / "desk.yaml"
 BRACKET = "arm={bracket_mm: [4, -2, 3], bracket_deg: [0.5, 0.3, -0.4]}"
 TURNED = Rotation.from_rotvec([0.5, 0.3, -0.4], degrees=True)
 T_NOMINAL_SENSOR = RigidTransform.from_components([4, -2, 3], TURNED)

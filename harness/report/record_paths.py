@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-FOLDER = "pairs"
+RECORDS = "pairs"  # the folder of them all
 
 
 def record_path(folder: Path, identity: str) -> Path:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.scoring import six_parameters
 from harness.session import open_session
-from harness.store.rows import FILE_NAME, Row, Store, StoreError, load
+from harness.store import FILE_NAME, Row, Store, StoreError, load
 
 
 def poses(rng: np.random.Generator) -> tuple[RigidTransform, RigidTransform]:

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import RigidTransform
+from shipped_configs import CONFIGS
 
 from harness.config.reading import load_experiment
 from harness.config.schema import Experiment
@@ -23,7 +24,7 @@ from harness.tables.experiment import (
 from harness.tables.pairs import pair_tables
 from harness.tables.table import Table, write_tables
 
-DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"
+DESK = CONFIGS / "desk.yaml"
 EXACT = np.array([-25.44, 0.0, 0.0, 0.0, -410.2, 188.8])
 
 

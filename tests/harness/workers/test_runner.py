@@ -11,9 +11,10 @@ import pytest
 
 from harness.session import execute, open_session, plan
 from harness.store import Store, load
+from harness.workers.child import Task
 from harness.workers.cluster import OtherCodeError
 from harness.workers.pool import process_pool
-from harness.workers.runner import Task, run
+from harness.workers.runner import run
 
 MIXED = (
     "methods=[{name: 'own_methods:give_up'}, {name: 'own_methods:die'}, "

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped_configs import CONFIGS
 
+from harness.config.choices import canonical_json
 from harness.config.errors import ConfigError
 from harness.config.reading import load_experiment
-from harness.trials.specs import TrialSpec, build_trials, canonical_json
+from harness.trials.specs import TrialSpec, build_trials
 from harness.trials.views import ViewSpec
 from sensors import f3
 from sensors.arm import ArmParams, ArmPath
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 DESK, VERTICAL = CONFIGS / "desk.yaml", CONFIGS / "desk_vertical.yaml"
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from PIL import Image
+from shipped_configs import CONFIGS
 
 from harness.config.reading import load_experiment
 from harness.execution import scan_view
@@ -14,7 +15,7 @@ from harness.scoring import exact_pose
 from harness.store import Row, Store, load
 from harness.trials.specs import TrialSpec, build_trials
 
-DESK = Path(__file__).parents[2] / "configs" / "desk.yaml"
+DESK = CONFIGS / "desk.yaml"
 
 
 def one_thread() -> ThreadPoolExecutor:

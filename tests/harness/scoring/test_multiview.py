@@ -1,12 +1,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
+from shipped_configs import CONFIGS
 
 from harness.config.reading import load_experiment
 from harness.scoring.multiview import (
@@ -21,7 +21,7 @@ from harness.scoring.multiview import (
 )
 from registration.pose_graph import RelativePose
 
-CONFIG = Path(__file__).parents[2] / "configs" / "desk.yaml"
+CONFIG = CONFIGS / "desk.yaml"
 LOOP = "pairs.left-right={source: left, target: right}"
 
 

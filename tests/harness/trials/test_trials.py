@@ -9,22 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shipped_configs import CONFIGS, OF_TRIALS
 
+from harness.config.choices import Chosen, canonical_json
 from harness.config.errors import ConfigError
-from harness.config.reading import load_experiment, read_mapping
+from harness.config.reading import load_experiment
 from harness.config.resolved import resolved_config
-from harness.config.schema import PrintedPose
-from harness.scoring.poses import encoder_pose, exact_pose, pose_error, six_parameters
+from harness.config.schema import AimedView
 from harness.session import open_session
-from harness.trials.specs import Chosen, build_trials
-from harness.trials.views import relabelled
-
-# Those that make trials: an `experiment:` of its own, as precision.yaml, is read by its own code.
-CONFIGS = [
-    file
-    for file in sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
-    if "experiment" not in read_mapping(file)
-]
+from harness.trials.specs import TrialSpec, build_trials
+from harness.trials.views import PoseStep, ViewSpec
+from sensors.noise import NoiseParams
 
 
 def trials_of(file: Path, *overrides: str):
@@ -37,9 +34,7 @@ def test_ids_are_the_same_in_every_process(small_file: Path) -> None:
         "print(*[t.id for t in open_session(Path(sys.argv[1]), None).trials])"
     )
     command = [sys.executable, "-c", script, str(small_file)]
-    answer = subprocess.run(
-        command, capture_output=True, text=True, check=True, cwd=CONFIGS[0].parents[1]
-    )
+    answer = subprocess.run(command, capture_output=True, text=True, check=True, cwd=CONFIGS.parent)
     assert answer.stdout.split() == [trial.id for trial in trials_of(small_file)]
 
 
@@ -84,49 +79,7 @@ def test_a_view_is_scanned_alike_in_both_of_its_pairs_and_anew_in_each_repeat(
     assert len({float(s.view_rng(s.source).random()) for s in (first, again)}) == 2
 
 
-@pytest.mark.parametrize("labels", ["printed", "swapped", "cyclic"])
-def test_a_placed_view_has_the_printed_pose(small_file: Path, labels: str) -> None:
-    spec = trials_of(small_file, f"rotation_labels={labels}")[0].spec
-    exact = six_parameters(exact_pose(spec.path(spec.target), spec.path(spec.source)))
-    turns = {"printed": [1, 2, 12], "swapped": [12, 2, 1], "cyclic": [12, 1, 2]}[labels]
-    np.testing.assert_allclose(exact, [*turns, 5.0, -140.0, 10.0], atol=1e-9)
-
-
-def test_a_relative_view_has_the_pose_it_is_given(small_file: Path) -> None:
-    spec = trials_of(small_file)[1].spec
-    exact = six_parameters(exact_pose(spec.path(spec.target), spec.path(spec.source)))
-    np.testing.assert_allclose(exact, [4.0, 0.0, 0.0, 0.0, -50.0, 0.0], atol=1e-9)
-
-
-@pytest.mark.parametrize("file", CONFIGS, ids=lambda file: file.stem)
-def test_configured_pairs_are_commanded_to_the_poses_of_the_thesis(file: Path) -> None:
-    """And the encoders say so too, but for the rounding of their counts."""
-    experiment = load_experiment(file)
-    for trial in {trial.pair: trial for trial in build_trials(experiment, file)}.values():
-        printed = experiment.pairs[trial.pair].printed
-        if printed is None:
-            continue
-        spec = trial.spec
-        T_target, T_source = (
-            view.commanded(spec.profiles, spec.step_mm) for view in (spec.target, spec.source)
-        )
-        rotation_deg, translation_mm = relabelled(printed, experiment.rotation_labels)
-        asked = six_parameters(T_target.inv() * T_source)
-        np.testing.assert_allclose(asked, [*rotation_deg, *translation_mm], atol=1e-9)
-        told = encoder_pose(spec.path(spec.target), spec.path(spec.source))
-        assert told is not None
-        off = pose_error(T_target.inv() * T_source, told)
-        assert np.rad2deg(off.rotation_rad) < 0.01
-        assert off.translation_mm < 0.1
-
-
-def test_relabelling_moves_the_angles_only() -> None:
-    pose = PrintedPose(rotation_deg=(1.0, 2.0, 3.0), translation_mm=(4.0, 5.0, 6.0))
-    assert relabelled(pose, "swapped") == ((3.0, 2.0, 1.0), (4.0, 5.0, 6.0))
-    assert relabelled(pose, "cyclic") == ((3.0, 1.0, 2.0), (4.0, 5.0, 6.0))
-
-
-@pytest.mark.parametrize("file", CONFIGS, ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", OF_TRIALS, ids=lambda file: file.stem)
 def test_the_resolved_configuration_makes_the_same_trials(file: Path, tmp_path: Path) -> None:
     session = open_session(file, tmp_path)
     written = tmp_path / "config.yaml"
@@ -158,8 +111,7 @@ def test_truth_is_entered_once_where_it_holds_no_noise(small_file: Path) -> None
 def test_a_calibration_lies_beside_its_config_or_below_the_current_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    configs = CONFIGS[0].parent
-    desk = (configs / "desk.yaml").read_text(encoding="utf-8")
+    desk = (CONFIGS / "desk.yaml").read_text(encoding="utf-8")
     (tmp_path / "bench").mkdir()
     config = tmp_path / "bench" / "desk.yaml"
     config.write_text(desk, encoding="utf-8")
@@ -167,7 +119,7 @@ def test_a_calibration_lies_beside_its_config_or_below_the_current_folder(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError, match=r"methods\.0\.params\.calibration: sensor\.json is no"):
         trials_of(config, override)
-    measured = (configs / "calibration" / "jupiter.json").read_bytes()
+    measured = (CONFIGS / "calibration" / "jupiter.json").read_bytes()
 
     def found() -> str:
         params = trials_of(config, override)[0].spec.method.params
@@ -187,10 +139,29 @@ def test_shipped_configs_find_their_calibration_from_anywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    file = CONFIGS[0].parent / "ablation.yaml"
+    file = CONFIGS / "ablation.yaml"
     paths = {
         getattr(trial.spec.method.params, "calibration", "")
         for trial in open_session(file, tmp_path / "out").trials
     }
     assert paths
     assert all(Path(path).is_file() for path in paths if path)
+
+
+@given(st.data())
+@settings(max_examples=25)
+def test_kept_texts_are_the_canonical_ones(data: st.DataObject) -> None:
+    """Ids are hashes of texts put together from kept pieces; they are those of the whole."""
+    numbers = st.floats(-1e6, 1e6)
+    vectors = st.tuples(numbers, numbers, numbers)
+    aim = AimedView(aim_mm=data.draw(vectors), distance_mm=700.0, yaw_deg=3.5)
+    view = ViewSpec(
+        data.draw(st.text()), aim, (PoseStep(data.draw(vectors), (0.0, 1.0, 2.0), True),)
+    )
+    chosen = Chosen(data.draw(st.text()), {"x": data.draw(numbers), "ä": [1, None, 'q"']})
+    spec = TrialSpec(chosen, Chosen("jupiter", NoiseParams()), 40, data.draw(st.floats(1e-9, 1e9)),
+                     view, view, chosen, "", 3, data.draw(st.integers(0, 2**60)))  # fmt: skip
+    assert spec.text == canonical_json(spec)
+    assert spec.place_key(view) == canonical_json(
+        [spec.scene, spec.sensor, spec.profiles, spec.step_mm, view]
+    )
