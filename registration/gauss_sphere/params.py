@@ -310,6 +310,8 @@ class DecisionParams(Checked):
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a
         share, and against which repeat_contradiction speaks at most, as a share of its support;
         sliding_planes and sliding_contradiction for one that leaves a direction open.
+    slid_share: share of the best score that a pose has at most which is the best one slid away from
+        where more planes meet.
     open_rad, open_mm: a direction known no better than this is open.
     distinct_rad, distinct_mm: poses closer than this are one.
     """
@@ -335,6 +337,7 @@ class DecisionParams(Checked):
     sliding_planes: float = 0.6
     repeat_contradiction: float = 0.25
     sliding_contradiction: float = 0.1
+    slid_share: float = 0.9
     open_rad: float = 0.035
     open_mm: float = 10.0
     distinct_rad: float = 0.05

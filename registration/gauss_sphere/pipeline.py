@@ -14,7 +14,7 @@ from registration.gauss_sphere.evidence import PlaneEvidence
 from registration.gauss_sphere.failures import no_plane, no_pose, no_rotation, oddities
 from registration.gauss_sphere.fan.calibrated import read_known
 from registration.gauss_sphere.judging.bending import doubted, left_bias_mm
-from registration.gauss_sphere.judging.decision import Verdict, answered, fixed_first, is_weak
+from registration.gauss_sphere.judging.decision import Verdict, answered, is_weak
 from registration.gauss_sphere.judging.judged import judged
 from registration.gauss_sphere.judging.misfits import without_misfits
 from registration.gauss_sphere.params import GaussSphereParams
@@ -71,7 +71,6 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
     settled, shifting = _settled(target, source, rotations, params)
     if not settled:
         return replace(no_pose(), evidence=nothing)
-    settled = fixed_first(settled, target, params.decision)
     settled[0] = without_misfits(settled[0], target, source, params)
     bias_mm = left_bias_mm(target, source, read_known(params.calibration), params.bending)
     if bias_mm > 0.0:

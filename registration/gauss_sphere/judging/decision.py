@@ -264,10 +264,14 @@ def is_rival(
 
 
 def _slides_to(best: Settled, pose: Settled, target: View, params: DecisionParams) -> bool:
-    """Whether a pose is the best one but for a motion that only more planes of the best one fix."""
+    """Whether a pose is the best one but for a motion that only more planes of the best one fix.
+
+    These must be more than a few points: they bring surface with them.
+    """
     left_open = uncertainty(pose, pose.information, target, params)[1]
     return (
         bool(left_open.size)
+        and pose.score < params.slid_share * best.score
         and agreeing_planes(pose, target, params) < agreeing_planes(best, target, params)
         and not is_elsewhere(best, pose, left_open, target, params)
     )
