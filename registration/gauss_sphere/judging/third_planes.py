@@ -18,7 +18,6 @@ from registration.scan import FloatArray
 
 LEAST_LEAN = 0.15  # cosine between the open shift and the normal of a plane that tells of it
 NEAR_MM = 4.0  # shifts closer together are one
-MOST = 64  # shifts of a pose that are looked at, those of the largest planes
 ROUGH_STRIDE = 4  # few poses are compared, so more of each can be
 
 
@@ -50,7 +49,7 @@ def with_third_planes(
 def _meeting(
     pose: Settled, along: FloatArray, target: View, source: View, params: GaussSphereParams
 ) -> list[float]:
-    """Shifts in mm of a pose along a direction (3,) at which planes of both views meet."""
+    """Shifts in mm of a pose along a direction (3,) at which planes meet, of the largest first."""
     search, one, other = params.translation, target.patches, source.patches
     n_one, n_other = (min(p.n_points.size, search.patches) for p in (one, other))
     normal, middles = one.normal[:n_one], other.centroid_mm[:n_other] @ pose.rotation.T
@@ -66,4 +65,4 @@ def _meeting(
     for shift in shift_mm[within][np.argsort(-area, kind="stable")]:
         if all(abs(shift - known) > NEAR_MM for known in chosen):
             chosen.append(float(shift))
-    return chosen[:MOST]
+    return chosen[: params.decision.third_planes]
