@@ -310,9 +310,8 @@ class DecisionParams(Checked):
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a
         share, and against which repeat_contradiction speaks at most, as a share of its support;
         sliding_planes and sliding_contradiction for one that leaves a direction open.
-    third_planes: shifts of a pose that are looked at where planes of a third direction meet, where
-        ends of faces do not tell. slid_share: share of the best score below which what is the best
-        pose slid away from where more planes meet is no rival of it there.
+    third_planes: where ends of faces do not tell, shifts of a pose that are looked at where planes
+        of a third direction meet.
     open_rad, open_mm: a direction known no better than this is open.
     distinct_rad, distinct_mm: poses closer than this are one.
     """
@@ -339,7 +338,6 @@ class DecisionParams(Checked):
     repeat_contradiction: float = 0.25
     sliding_contradiction: float = 0.1
     third_planes: int = 64
-    slid_share: float = 0.9
     open_rad: float = 0.035
     open_mm: float = 10.0
     distinct_rad: float = 0.05

@@ -38,19 +38,17 @@ def judge(
     source: View,
     params: DecisionParams,
     appeal: bool = False,
-    slid: bool = True,
 ) -> Verdict:
     """Whether the best of the settled poses is an answer, and how sure it is.
 
     appeal: outlines have been asked, too: each pose that they leave is a rival, on less surface.
-    slid: whether poses are rivals of the best that slide to it on fewer planes.
     """
     best = ranked[0]
     against = shortcoming(best, target, source, params)
     if against:
         return Verdict("failed", against, "verification")
     covariance, open_directions, reason = uncertainty(best, best.sure, target, params)
-    rivals = [p for p in ranked[1:] if is_rival(p, best, target, params, appeal, slid)]
+    rivals = [p for p in ranked[1:] if is_rival(p, best, target, params, appeal)]
     if open_directions.shape[0]:
         alike = [p for p in rivals if p.score > params.rival_share * best.score]
         others = [p for p in alike if is_elsewhere(p, best, open_directions, target, params)]
@@ -236,22 +234,15 @@ def _agreeing(
 
 
 def is_rival(
-    pose: Settled,
-    best: Settled,
-    target: View,
-    params: DecisionParams,
-    appeal: bool = False,
-    slid: bool = True,
+    pose: Settled, best: Settled, target: View, params: DecisionParams, appeal: bool = False
 ) -> bool:
     """Whether a pose could be the true one in place of the best.
 
     A symmetry makes poses alike in all: score, free space and how far planes fix them. A pose that
     slides freely on two planes agrees with any scene; it does not question one that many planes
-    agree on to within their noise, nor, unless slid, one that it slides to.
+    agree on to within their noise.
     appeal: it was left by outlines, too, and is one on less surface.
     """
-    if not slid and _slides_to(best, pose, target, params):
-        return False
     if repeats(pose, best, target, params):
         return True
     if pose.score <= (params.repeat_share if appeal else params.rival_share) * best.score:
@@ -261,20 +252,6 @@ def is_rival(
     if agreeing_planes(best, target, params) < params.sure_planes:
         return True
     return not bool(uncertainty(pose, pose.information, target, params)[1].size)
-
-
-def _slides_to(best: Settled, pose: Settled, target: View, params: DecisionParams) -> bool:
-    """Whether a pose is the best one but for a motion that only more planes of the best one fix.
-
-    These must be more than a few points: they bring surface with them.
-    """
-    left_open = uncertainty(pose, pose.information, target, params)[1]
-    return (
-        bool(left_open.size)
-        and pose.score < params.slid_share * best.score
-        and agreeing_planes(pose, target, params) < agreeing_planes(best, target, params)
-        and not is_elsewhere(best, pose, left_open, target, params)
-    )
 
 
 def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) -> bool:

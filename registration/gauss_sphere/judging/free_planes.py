@@ -29,15 +29,14 @@ def judged_by_free_planes(
     source: View,
     params: GaussSphereParams,
     appeal: bool = False,
-    slid: bool = True,
 ) -> tuple[list[Settled], Verdict]:
     """Judge poses; if several could be, only those that put no plane where nothing was seen."""
-    verdict = judge(settled, target, source, params.decision, appeal, slid)
+    verdict = judge(settled, target, source, params.decision, appeal)
     if verdict.status != "ambiguous":
         return settled, verdict
     best, *others = settled
     left = [best, *without_free_planes(others, best, target, source, params)]
-    return left, judge(left, target, source, params.decision, appeal, slid)
+    return left, judge(left, target, source, params.decision, appeal)
 
 
 def without_free_planes(

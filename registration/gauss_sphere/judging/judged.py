@@ -82,10 +82,7 @@ def _by_planes_and_ends(
 def _by_further_planes(
     settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
 ) -> tuple[list[Settled], Verdict]:
-    """Judge poses of which outlines do not tell by planes alone, where a third direction meets.
-
-    Then a pose that slides to the best one is no rival of it any more.
-    """
+    """Judge poses of which outlines do not tell by planes alone, where a third direction meets."""
     best = settled[0]
     settled = with_third_planes(settled, target, source, params)
     settled = fixed_first(settled, target, params.decision)
@@ -94,7 +91,7 @@ def _by_further_planes(
         if bias_mm > 0.0:
             planes = target.patches, source.patches
             settled[0] = doubted(settled[0], *planes, bias_mm, params)
-    return judged_by_free_planes(settled, target, source, params, slid=False)
+    return judged_by_free_planes(settled, target, source, params)
 
 
 def _unless_symmetric(
