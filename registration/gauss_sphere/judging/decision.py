@@ -41,7 +41,8 @@ def judge(
 ) -> Verdict:
     """Whether the best of the settled poses is an answer, and how sure it is.
 
-    appeal: outlines have been asked, too: each pose that they leave is a rival, on less surface.
+    appeal: outlines have been asked, too: each pose that they leave is a rival, on less surface,
+        unless it slides and many planes agree on the best.
     """
     best = ranked[0]
     against = shortcoming(best, target, source, params)
@@ -76,6 +77,17 @@ def preferred(covariance: FloatArray | None, answer: Settled, better: list[Settl
         "ends of faces prefer the first pose, and more surface another, on which nearly as many "
         f"planes agree: it scores {better[0].score / answer.score:.0%} of the first; a thing may "
         "have been moved between the scans, or each view sees another of like things",
+        "decision",
+        covariance,
+    )
+
+
+def outscored(covariance: FloatArray | None, answer: Settled, better: list[Settled]) -> Verdict:
+    """What is left of an answer that planes fix if what slides on fewer scores more, best first."""
+    return Verdict(
+        "ambiguous",
+        "more planes agree on the first pose, and more surface on another, which leaves a "
+        f"direction open: it scores {better[0].score / answer.score:.0%} of the first",
         "decision",
         covariance,
     )
@@ -136,8 +148,10 @@ def is_thin(pose: Settled, target: View, source: View, params: DecisionParams) -
     return bool(share < params.appeal_support and not has_sure_planes(pose, target, params))
 
 
-def fixed_first(settled: list[Settled], target: View, params: DecisionParams) -> list[Settled]:
-    """The settled poses, one that many planes fix before the best if that slides on fewer ones.
+def fixed_first(
+    settled: list[Settled], target: View, source: View, params: DecisionParams
+) -> list[Settled]:
+    """The settled poses, an answer that many planes fix before the best if that slides on fewer.
 
     What slides agrees with any scene, and may do so on a little more surface.
     """
@@ -150,6 +164,7 @@ def fixed_first(settled: list[Settled], target: View, params: DecisionParams) ->
             pose.score > params.rival_share * best.score
             and agreeing_planes(pose, target, params) > fewer
             and has_sure_planes(pose, target, params)
+            and not shortcoming(pose, target, source, params)
             and not uncertainty(pose, pose.sure, target, params)[1].size
         ):
             return [pose, *(other for other in settled if other is not pose)]

@@ -10,6 +10,7 @@ from registration.gauss_sphere.judging.bending import doubted, of_unknown_bias
 from registration.gauss_sphere.judging.decision import (
     Verdict,
     fixed_first,
+    outscored,
     preferred,
     questioned,
     refuted,
@@ -83,15 +84,24 @@ def _by_further_planes(
     settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
 ) -> tuple[list[Settled], Verdict]:
     """Judge poses of which outlines do not tell by planes alone, where a third direction meets."""
-    best = settled[0]
-    settled = with_third_planes(settled, target, source, params)
-    settled = fixed_first(settled, target, params.decision)
-    if settled[0] is not best:
-        settled[0] = without_misfits(settled[0], target, source, params)
-        if bias_mm > 0.0:
-            planes = target.patches, source.patches
-            settled[0] = doubted(settled[0], *planes, bias_mm, params)
-    return judged_by_free_planes(settled, target, source, params)
+    fitted = [
+        pose if pose is settled[0] else _fitted(pose, target, source, bias_mm, params)
+        for pose in with_third_planes(settled, target, source, params)
+    ]
+    left = fixed_first(fitted, target, source, params.decision)
+    left, verdict = judged_by_free_planes(left, target, source, params)
+    better = [pose for pose in left[1:] if pose.score > left[0].score]
+    if verdict.status == "ok" and better:
+        verdict = outscored(verdict.covariance, left[0], better)
+    return left, verdict
+
+
+def _fitted(
+    pose: Settled, target: View, source: View, bias_mm: float, params: GaussSphereParams
+) -> Settled:
+    """A pose by the planes that fit it, as sure as what is seen of a bias allows."""
+    pose = without_misfits(pose, target, source, params)
+    return doubted(pose, target.patches, source.patches, bias_mm, params) if bias_mm > 0.0 else pose
 
 
 def _unless_symmetric(

@@ -18,7 +18,6 @@ from registration.scan import FloatArray
 
 LEAST_LEAN = 0.15  # cosine between the open shift and the normal of a plane that tells of it
 NEAR_MM = 4.0  # shifts closer together are one
-ROUGH_STRIDE = 4  # few poses are compared, so more of each can be
 
 
 def with_third_planes(
@@ -39,7 +38,10 @@ def with_third_planes(
         return settled
     rotations, shifts = (np.array(each) for each in zip(*starts, strict=True))
     looks = replace(
-        params.verification, ranked=len(starts), kept=len(starts), rough_stride=ROUGH_STRIDE
+        params.verification,
+        ranked=len(starts),
+        kept=len(starts),
+        rough_stride=params.match.strides[0],  # few are compared, so more of each can be
     )
     settling = replace(params, verification=looks)
     found = settle_best(target, source, rotations, shifts, settling, look_again=False)

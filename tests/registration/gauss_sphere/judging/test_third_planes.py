@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plane_scans import (
@@ -17,8 +19,10 @@ from plane_scans import (
 )
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from registration import register
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.judging.decision import agreeing_planes, fixed_first, is_rival, judge
+from registration.gauss_sphere.judging.judged import judged
 from registration.gauss_sphere.judging.open_directions import open_directions_of, open_shift
 from registration.gauss_sphere.judging.third_planes import with_third_planes
 from registration.gauss_sphere.params import GaussSphereParams
@@ -77,6 +81,7 @@ def test_a_pose_is_found_along_what_two_planes_leave_open(seed: int, off_mm: flo
     assert not open_directions_of(found[0], target, DECISION).size
     assert np.linalg.norm(found[0].shift_mm - T.translation) < 2.0
     assert [pose.score for pose in found] == sorted((p.score for p in found), reverse=True)
+    assert any(pose is slid for pose in found)
 
 
 def test_nothing_is_looked_for_where_no_third_plane_is_seen_or_none_is_needed() -> None:
@@ -99,17 +104,23 @@ def sliding_and_fixed(thing: Plates, seed: int) -> tuple[View, View, Settled, Se
 @pytest.mark.parametrize("seed", range(3))
 def test_what_many_planes_fix_goes_before_what_slides_on_a_little_more_surface(seed: int) -> None:
     def first(*poses: Settled) -> Settled:
-        ordered = fixed_first([*poses], target, DECISION)
+        ordered = fixed_first([*poses], target, source, DECISION)
         assert {id(pose) for pose in ordered} == {id(pose) for pose in poses}
         return ordered[0]
 
-    target, _, slid, fixed = sliding_and_fixed(cube(), seed)
+    target, source, slid, fixed = sliding_and_fixed(cube(), seed)
     more = slid._replace(score=1.2 * fixed.score)
     assert first(more, fixed) is fixed
     much_more = slid._replace(score=1.5 * fixed.score)
     assert first(much_more, fixed) is much_more
     assert first(fixed, slid) is fixed
-    target, _, slid, fixed = sliding_and_fixed(board(), seed)
+    denied = fixed._replace(areas=np.array([fixed.areas[0], 0.2 * fixed.areas[0]]))
+    assert first(more, denied) is more  # which puts too much in free space to be an answer
+    vague = fixed._replace(sure=slid.sure, information=slid.information)
+    assert first(more, vague) is more
+    few = fixed._replace(pairs=slid.pairs, distance2=slid.distance2)
+    assert first(more, few) is more
+    target, source, slid, fixed = sliding_and_fixed(board(), seed)
     more = slid._replace(score=1.2 * fixed.score)
     assert first(more, fixed) is more  # three planes are those of any corner
 
@@ -125,3 +136,49 @@ def test_what_slides_questions_an_answer_unless_many_planes_agree_on_it(seed: in
         # One that as many planes agree on is another place, whatever the number.
         alike = fixed._replace(score=rival.score, shift_mm=fixed.shift_mm + OFF_MM * ALONG)
         assert is_rival(alike, fixed, target, DECISION, appeal=True)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_planes_of_a_third_direction_are_asked_where_ends_of_faces_do_not_tell(seed: int) -> None:
+    target, source, T = views(room(cube()), seed)
+    silent = replace(PARAMS, outlines=replace(PARAMS.outlines, least=1_000_000))
+    poses, verdict, _ = judged(settled_at(target, source, T, OFF_MM), target, source, 0.0, silent)
+    assert np.linalg.norm(poses[0].shift_mm - T.translation) < 2.0
+    assert verdict.status in ("ok", "ambiguous")
+    without = replace(silent, decision=replace(DECISION, third_planes=0))
+    poses, verdict, _ = judged(settled_at(target, source, T, OFF_MM), target, source, 0.0, without)
+    assert np.linalg.norm(poses[0].shift_mm - T.translation) > 0.5 * OFF_MM
+    assert verdict.status == "underdetermined"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_scores_more_leaves_an_answer_in_doubt_that_more_planes_fix(seed: int) -> None:
+    target, source, slid, fixed = sliding_and_fixed(cube(), seed)
+    silent = replace(PARAMS, outlines=replace(PARAMS.outlines, least=1_000_000))
+    more = slid._replace(score=1.2 * fixed.score)
+    poses, verdict, _ = judged([more, fixed], target, source, 0.0, silent)
+    assert np.linalg.norm(poses[0].shift_mm - fixed.shift_mm) < 1.0
+    assert verdict.status == "ambiguous"
+    assert "another, which leaves a direction open" in verdict.reason
+
+
+def ramp(at_mm: float) -> Plates:
+    """A board on the wall that looks aside, at a place along it."""
+    normal = ROOM.apply([[0.0, -0.45, -0.89]])
+    place = MIDDLE + ROOM.apply([[0.0, at_mm, 130.0]])
+    return plates_from(normal, place, np.array([[70.0, 60.0]]))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_two_like_boards_the_wrong_one_is_no_sure_answer(seed: int) -> None:
+    period_mm, rng = 300.0, np.random.default_rng(seed)
+    plates = room(ramp(0.0), ramp(period_mm))
+    T_source_target = random_view(rng, turn_deg=8.0)
+    aside = RigidTransform.from_translation(-period_mm * ALONG)
+    moved = T_source_target * aside
+    target = scan_plates(plates, noise=0.3, rng=rng)
+    source = scan_plates(move_plates(plates, moved), noise=0.3, rng=rng)
+    result = register(target, source, params=PARAMS)
+    if result.status == "ok":
+        assert result.T_target_source is not None
+        assert np.linalg.norm((result.T_target_source * moved).translation) < 30.0
