@@ -64,7 +64,8 @@ class Calibration:
 
     form: whether the bias was found to go with the incidence of the beam on the surface, or with
         the lateral position in the field. On a target parallel to Y the two look the same.
-    apex_mm: (3,) where the beams of a profile meet, in the frame of that profile.
+    apex_mm: (3,) where the beams of a profile meet, in the frame of that profile; also that of
+        scans that do not carry it and are too flat to tell.
     bias: measured minus true depth, over the measured depth and the tangent of the incidence
         (form "incidence") or the slope of the beam, Y over depth from the apex ("lateral").
     sigma: standard deviation of the depth over depth and tangent of the incidence, of the target's

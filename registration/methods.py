@@ -61,8 +61,11 @@ def find_method(name: str) -> Method:
         )
     try:
         function = getattr(importlib.import_module(module_name), function_name)
-    except (ImportError, AttributeError) as error:
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise UnknownMethodError(f"method {name!r} cannot be loaded: {error}") from error
+    if not callable(function):
+        kind = type(function).__name__
+        raise UnknownMethodError(f"method {name!r} is of type {kind}; expected a function")
     return Method(function, getattr(function, "params_type", dict))
 
 
@@ -73,8 +76,9 @@ def register(
 
     params: an instance of the method's params_type; its defaults when None.
     A pair that cannot be registered comes back with status and reason; only a method that is
-    unknown or misconfigured raises: UnknownMethodError, or TypeError for params of another type, or
-    for arrays in place of scans.
+    unknown or misconfigured raises: UnknownMethodError, TypeError for params of another type or
+    arrays in place of scans, CalibrationError or OSError for a calibration that cannot be read,
+    MissingPeerError where a peer's library is not installed.
     """
     chosen = find_method(method)
     for name, scan in (("target", target), ("source", source)):

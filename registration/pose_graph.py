@@ -81,8 +81,7 @@ def chain_poses(edges: Sequence[RelativePose], reference: str) -> ViewPoses:
     Raises PoseGraphError.
     """
     views, starts, paths = _spanning_tree(edges, reference)
-    information = np.linalg.inv(_covariances(edges))
-    whitening = np.linalg.cholesky(information).transpose(0, 2, 1)
+    whitening = _whitening(edges)
     jacobian = _slopes(edges, views, starts)
     used = sorted({edge for path in paths for edge in path})
     whitened = np.einsum("eij,ejvk->eivk", whitening, jacobian)[used]
@@ -101,7 +100,7 @@ def close_loops(edges: Sequence[RelativePose], reference: str, robust: bool = Tr
     Raises PoseGraphError.
     """
     views, poses, _ = _spanning_tree(edges, reference)
-    whitening = np.linalg.cholesky(np.linalg.inv(_covariances(edges))).transpose(0, 2, 1)
+    whitening = _whitening(edges)
     weight = np.ones(len(edges))
     poses = _least_squares(edges, views, poses, whitening, weight)
     distance2 = _distances2(edges, views, poses, whitening)
@@ -163,6 +162,12 @@ def _spanning_tree(
     views = tuple(found)
     poses = RigidTransform.concatenate([found[name][0] for name in views])
     return views, poses, [found[name][1] for name in views]
+
+
+def _whitening(edges: Sequence[RelativePose]) -> FloatArray:
+    """(edges, 6, 6) W, with W^T W the information of each; raises PoseGraphError."""
+    whitening: FloatArray = np.linalg.cholesky(np.linalg.inv(_covariances(edges)))
+    return whitening.transpose(0, 2, 1)
 
 
 def _covariances(edges: Sequence[RelativePose]) -> FloatArray:

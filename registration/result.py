@@ -41,7 +41,7 @@ class RegistrationResult:
         is mostly mm. The reason says of each what it is, about the middle of the matched surface.
         Empty if only the source's planes leave them open: without a pose nothing of its frame is
         known in the target's.
-    candidates: runners-up, best first.
+    candidates: runners-up, best first; where no pose is given, the refused best one comes first.
     stage_ms: wall time of each stage.
     evidence: intermediate results by name, for figures and diagnosis; never needed for the answer.
     notes: what a user should know of an answer of any status, "ok" too, a line each: as that no

@@ -23,10 +23,10 @@ def describe(scan: Scan, params: GaussSphereParams) -> View:
 
     Raises CalibrationError or OSError where params name a calibration that cannot be read.
     """
-    how = params.patches
+    how, known = params.patches, read_known(params.calibration)
     return _described(
-        measured(scan),
-        read_known(params.calibration),
+        measured(scan, known.apex_mm),
+        known,
         cutting(params.segments),
         growing(how),
         fitting(how),

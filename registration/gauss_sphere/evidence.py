@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from registration.gauss_sphere.candidates.rotation import gauss_sphere, rotation_candidates
+from registration.gauss_sphere.candidates.rotation import rotations_between
 from registration.gauss_sphere.candidates.translation import pose_candidates
 from registration.gauss_sphere.fan.beams import Fan, profiles_in_fan
 from registration.gauss_sphere.params import GaussSphereParams
@@ -63,12 +63,9 @@ def pose_shifts(seen: PlaneEvidence) -> tuple[FloatArray, FloatArray, FloatArray
     Returns (c, 3, 3) rotations, (c, 3) shifts in mm, (c,) agreeing area in mm^2, best first.
     """
     params = seen.params
-    rotations, _ = rotation_candidates(
-        gauss_sphere(seen.target.patches, params.rotation.close_rad),
-        gauss_sphere(seen.source.patches, params.rotation.close_rad),
-        params.rotation,
-    )
-    return pose_candidates(seen.target.patches, seen.source.patches, rotations, params.translation)
+    patches = seen.target.patches, seen.source.patches
+    rotations = rotations_between(*patches, params.rotation)
+    return pose_candidates(*patches, rotations, params.translation)
 
 
 def shifts_of_middle(

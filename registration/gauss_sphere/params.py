@@ -116,7 +116,7 @@ class WideParams(TranslationParams):
     """The same for a wider search, at the best rotation and where no pose is sure.
 
     At the best rotation kept shifts go on; the first VerificationParams.ranked of them are looked
-    at.
+    at, and all where no pose is sure.
     """
 
     patches: int = 64
@@ -134,8 +134,8 @@ class RefineParams(Checked):
     rounds: most steps; tail: squared distance at which a pair's pull is halved.
     floors_mm: systematic errors of a plane's offset to try, smallest first, with floor_lever_mm:
         distance over which they are its tilt; with a calibration none below how well it knows the
-        bias. The smallest is taken under which consistent_share of the matched area has a squared
-        distance below consistent_distance2.
+        bias. The smallest is taken under which consistent_share of the matched area, and four pairs
+        or all, have a squared distance below consistent_distance2.
     capped_distance2: squared distances count up to this when the covariance is made to agree with
         them; widest_mm: largest systematic error that it is given.
     held_mm, held_rad: standard deviations by which the middle of the matched surface may move, and
@@ -163,7 +163,7 @@ class VerificationParams(Checked):
     free_space_mm: a point so far before all that is measured around it contradicts.
     contradiction_weight: support that a contradiction outweighs.
     rough_tolerance_mm, rough_stride: distance within which a point supports a candidate at first,
-        and the share of samples that is looked at. few_stride: the share that is looked at first
+        and of how many samples one is looked at. few_stride: of how many one is looked at first
         where most poses come to nothing, as turned ones.
     ranked: candidates that are looked at, of most agreement; kept: that are settled at most,
         and so many again of the other shifts at the rotation of the best.
@@ -188,7 +188,7 @@ class MatchParams(Checked):
     """Planes matched under a pose, stage by stage.
 
     tolerances_mm: distance within which a point lies on the other view's plane; floors_mm:
-        systematic error allowed to the planes; strides: share of the samples that is looked at.
+        systematic error allowed to the planes; strides: of how many samples one is looked at.
     least_samples: points of one plane that must lie on the other.
     """
 
@@ -310,8 +310,6 @@ class DecisionParams(Checked):
     repeat_share: the same for a pose on which as many planes agree, or repeat_planes of them as a
         share, and against which repeat_contradiction speaks at most, as a share of its support;
         sliding_planes and sliding_contradiction for one that leaves a direction open.
-    third_planes: where ends of faces do not tell, shifts of a pose that are looked at where planes
-        of a third direction meet.
     open_rad, open_mm: a direction known no better than this is open.
     distinct_rad, distinct_mm: poses closer than this are one.
     """
@@ -337,7 +335,6 @@ class DecisionParams(Checked):
     sliding_planes: float = 0.6
     repeat_contradiction: float = 0.25
     sliding_contradiction: float = 0.1
-    third_planes: int = 64
     open_rad: float = 0.035
     open_mm: float = 10.0
     distinct_rad: float = 0.05

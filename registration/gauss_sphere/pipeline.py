@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from registration.gauss_sphere.candidates.rotation import gauss_sphere, rotation_candidates
+from registration.gauss_sphere.candidates.rotation import rotations_between
 from registration.gauss_sphere.candidates.translation import pose_candidates
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.evidence import PlaneEvidence
@@ -37,7 +37,10 @@ NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
 def register_scans(target: Scan, source: Scan, params: GaussSphereParams) -> RegistrationResult:
-    """Register two scans of planes without an initial guess."""
+    """Register two scans of planes without an initial guess.
+
+    Raises CalibrationError or OSError where params name a calibration that cannot be read.
+    """
     started = perf_counter()
     target_view, source_view = (describe(scan, params) for scan in (target, source))
     described = perf_counter()
@@ -47,7 +50,10 @@ def register_scans(target: Scan, source: Scan, params: GaussSphereParams) -> Reg
 
 
 def register_views(target: View, source: View, params: GaussSphereParams) -> RegistrationResult:
-    """Register two described scans, described with the same parameters."""
+    """Register two described scans, described with the same parameters.
+
+    Raises as register_scans does.
+    """
     result = _registered(target, source, params)
     before = () if params.calibration else (UNCALIBRATED,)
     after = () if result.status == "ok" else oddities(target, source)
@@ -60,11 +66,7 @@ def _registered(target: View, source: View, params: GaussSphereParams) -> Regist
         if view.patches.n_points.size == 0:
             return no_plane(name, view, params.patches)
     nothing = {"planes": PlaneEvidence(target, source, NO_PAIRS, np.zeros(0), params)}
-    rotations, _ = rotation_candidates(
-        gauss_sphere(target.patches, params.rotation.close_rad),
-        gauss_sphere(source.patches, params.rotation.close_rad),
-        params.rotation,
-    )
+    rotations = rotations_between(target.patches, source.patches, params.rotation)
     if rotations.shape[0] == 0:
         return replace(no_rotation(target, source), evidence=nothing)
     turned = perf_counter()

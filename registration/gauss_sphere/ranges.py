@@ -18,7 +18,7 @@ MAY_BE_ZERO = frozenset(
         "sliding_contradiction", "consistent_share", "most_floor_mm", "floor_share", "rounds",
         "moved_distance2", "refuted_share", "refuting_share", "confirmed_share", "denied_share",
         "dropped_share", "silent_planes", "silent_share", "peak_share", "carried_mm", "least_mm",
-        "flat_to_mm", "sure", "third_planes",
+        "flat_to_mm", "sure",
     )
 )  # fmt: skip
 

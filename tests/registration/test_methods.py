@@ -37,6 +37,9 @@ def test_a_function_of_ones_own_needs_no_edit() -> None:
         ("thesiss", "unknown method 'thesiss'; known are .*thesis"),
         ("no_such_package:f", "'no_such_package:f' cannot be loaded: No module named"),
         (f"{__name__}:gone", f"'{__name__}:gone' cannot be loaded"),
+        (":f", "':f' cannot be loaded: Empty module name"),
+        (".a:b", "'.a:b' cannot be loaded"),
+        (f"{__name__}:SCAN", f"'{__name__}:SCAN' is of type Scan; expected a function"),
     ],
 )
 def test_an_unknown_method_is_named_with_what_would_have_worked(name: str, message: str) -> None:

@@ -62,3 +62,11 @@ def test_points_in_another_order_of_memory_are_kept_row_by_row() -> None:
     scan = Scan.from_points(points_mm, 5.0)
     assert scan.points_mm.flags.c_contiguous
     np.testing.assert_array_equal(scan.points_mm, points_mm)
+
+
+def test_points_under_a_mask_are_not_measured() -> None:
+    points_mm = np.random.default_rng(0).normal(size=(4, 5, 3))
+    masked = np.ma.masked_array(points_mm, np.repeat(points_mm[..., 2:] > 0.0, 3, axis=2))
+    scan = Scan.from_points(masked, 5.0)
+    np.testing.assert_array_equal(scan.valid, points_mm[..., 2] <= 0.0)
+    assert np.isnan(scan.points_mm[~scan.valid]).all()

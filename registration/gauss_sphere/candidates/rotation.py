@@ -82,6 +82,12 @@ def rotation_candidates(
     )
 
 
+def rotations_between(target: Patches, source: Patches, params: RotationParams) -> FloatArray:
+    """(c, 3, 3) rotations that lay normals of the source on those of the target, best first."""
+    spheres = gauss_sphere(target, params.close_rad), gauss_sphere(source, params.close_rad)
+    return rotation_candidates(*spheres, params)[0]
+
+
 @compiled
 def _best_rotations(
     target: GaussSphere,

@@ -96,7 +96,7 @@ def _shifts(
     weight, gate = np.empty(capacity), np.empty(capacity)
     mate_a, mate_b = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     kept_t, kept_score = np.empty((kept_per_rotation, 3)), np.empty(kept_per_rotation)
-    served = np.empty(max(na.shape[0], nb.shape[0]))
+    served = np.empty(nb.shape[0])
     found = 0
     for c in range(rotations.shape[0]):
         r = rotations[c]
@@ -133,8 +133,6 @@ def _shifts(
         if m == 0:
             continue
         order = np.argsort(-weight[:m], kind="mergesort")[: search.pairs]
-        if order.size == 0:
-            continue
         n_kept = combine(
             normal, shift, inverse, delta, gate, weight, mate_a, mate_b, order, search, kept_t,
             kept_score, served,

@@ -9,7 +9,9 @@ import numpy as np
 from registration.kernels import compiled
 from registration.scan import BoolArray, FloatArray
 
-PARALLEL_APEX_MM = 1e5  # stands for beams that do not meet
+# Stands for beams that do not meet. Farther off, the rounding of inverse depths, in which planes
+# are found, comes to more than a noise of 0.02 mm.
+PARALLEL_APEX_MM = 3e4
 PARALLEL = 1e-6  # of the largest singular value of the lines' equations, their least
 APEX_PROFILES = 40  # of a longer scan, for the apex
 CLEAR_MM = 5.0  # of relief: of less a pixel's line is mostly rounding
@@ -17,11 +19,14 @@ LEAST_PIXELS = 8  # with a clear line
 
 
 @compiled
-def find_apex(points: FloatArray, usable: BoolArray, lean: FloatArray) -> FloatArray:
+def find_apex(
+    points: FloatArray, usable: BoolArray, lean: FloatArray, if_flat: FloatArray
+) -> FloatArray:
     """Find where the beams meet from points whose noise lies along their beam.
 
     A pixel's points satisfy y = apex_y + s (z - apex_z) in all profiles; the intercepts of these
-    lines over their slopes give the apex. Scans too flat to tell get nearly parallel beams.
+    lines over their slopes give the apex. Scans too flat to tell have if_flat (3,), or where that
+    is NaN nearly parallel beams.
     """
     stride = max(points.shape[0] // APEX_PROFILES, 1)
     pixels = _pixel_lines(points, usable, lean, stride)
@@ -38,7 +43,7 @@ def find_apex(points: FloatArray, usable: BoolArray, lean: FloatArray) -> FloatA
             weight[used] = spread
             used += 1
     if used < LEAST_PIXELS:
-        return parallel
+        return parallel if np.isnan(if_flat).any() else if_flat
     slope, intercept, weight = slope[:used], intercept[:used], weight[:used]
     total = weight.sum()
     mean_slope = (weight * slope).sum() / total

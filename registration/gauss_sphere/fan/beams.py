@@ -62,20 +62,31 @@ class Measured(NamedTuple):
     """A scan as the compiled loops take it: always the same kinds of arrays, or they compile anew.
 
     points_mm: (profiles, pixels, 3).  step_mm: between profiles along X.  apex_mm: (3,), NaN where
-    the scan does not carry it.  lean: (2,) see Fan.
+    the scan does not carry it.  if_flat_mm: (3,) the apex where its points cannot tell, NaN where
+    that is not known.  lean: (2,) see Fan.
     """
 
     points_mm: FloatArray
     step_mm: float
     apex_mm: FloatArray
+    if_flat_mm: FloatArray
     lean: FloatArray
 
 
-def measured(scan: Scan) -> Measured:
-    """The same scan, for the compiled loops."""
-    apex_mm = np.full(3, np.nan) if scan.apex_mm is None else np.array(scan.apex_mm, np.float64)
-    lean = scan.travel[1:] / scan.travel[0]
-    return Measured(_points_of(scan), float(scan.step_mm * scan.travel[0]), apex_mm, lean)
+UNKNOWN_MM = np.full(3, np.nan)
+
+
+def measured(scan: Scan, if_flat_mm: FloatArray = UNKNOWN_MM) -> Measured:
+    """The same scan, for the compiled loops.
+
+    if_flat_mm: (3,) the apex that was measured of the sensor, see Measured.
+    """
+    lean, apex_mm = scan.travel[1:] / scan.travel[0], UNKNOWN_MM
+    if scan.apex_mm is not None:
+        # Points are put back along the motion to where X is 0, and so is the apex.
+        apex_mm = scan.apex_mm - scan.apex_mm[0] * np.array([0.0, *lean])
+    step_mm = float(scan.step_mm * scan.travel[0])
+    return Measured(_points_of(scan), step_mm, apex_mm, if_flat_mm, lean)
 
 
 def profiles_in_fan(scan: Scan) -> BoolArray:
@@ -114,7 +125,7 @@ def fan_of(scan: Measured) -> Fan:
         points, usable = points[kept], usable[kept]
     unknown = np.isnan(apex_mm).any()
     if unknown:
-        apex_mm = find_apex(points, usable, lean)
+        apex_mm = find_apex(points, usable, lean, scan.if_flat_mm)
     rows, columns = points.shape[:2]
     x_mm, column_slope = np.empty(rows), np.empty(columns)
     slope, depth_mm = np.empty((rows, columns)), np.empty((rows, columns))

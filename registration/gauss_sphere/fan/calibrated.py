@@ -45,6 +45,7 @@ class Known(NamedTuple):
         else with the tangent of the incidence, as the standard deviation always does: without
         lateral, both tables have the same nodes.
     known_to_mm: how well the bias is known: planes are trusted no better.
+    apex_mm: (3,) where the beams of a profile meet; NaN without a calibration.
     """
 
     given: bool
@@ -52,15 +53,20 @@ class Known(NamedTuple):
     bias: EvenTable
     sigma: EvenTable
     known_to_mm: float
+    apex_mm: FloatArray
 
 
 def known_of(calibration: Calibration) -> Known:
     """The tables of a calibration."""
     bias, sigma = calibration.bias, calibration.sigma
-    if calibration.form == "lateral":
-        return Known(True, True, _even(bias, bias), _even(sigma, sigma), calibration.known_to_mm)
-    tables = _even(bias, bias, sigma), _even(sigma, bias, sigma)
-    return Known(True, False, *tables, calibration.known_to_mm)
+    lateral = calibration.form == "lateral"
+    tables = (
+        (_even(bias, bias), _even(sigma, sigma))
+        if lateral
+        else (_even(bias, bias, sigma), _even(sigma, bias, sigma))
+    )
+    apex_mm = np.array(calibration.apex_mm, dtype=np.float64)
+    return Known(True, lateral, *tables, calibration.known_to_mm, apex_mm)
 
 
 def _even(table: Table, *reaching: Table) -> EvenTable:
@@ -82,7 +88,7 @@ def _even_nodes(nodes: list[FloatArray], least: int) -> FloatArray:
 
 
 _NO_TABLE = EvenTable(np.zeros(2), np.ones(2), np.zeros((2, 2)))
-NOTHING_KNOWN = Known(False, False, _NO_TABLE, _NO_TABLE, 0.0)
+NOTHING_KNOWN = Known(False, False, _NO_TABLE, _NO_TABLE, 0.0, np.full(3, np.nan))
 
 
 @lru_cache(maxsize=8)

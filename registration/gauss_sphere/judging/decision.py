@@ -270,7 +270,7 @@ def is_rival(
 
 
 def repeats(pose: Settled, best: Settled, target: View, params: DecisionParams) -> bool:
-    """Whether a pose lays as many planes on each other as the best, on less surface.
+    """Whether a pose lays about as many planes on each other as the best, on less surface.
 
     Where a scene repeats itself, as shelves and rows of boxes do, a pose that is off by a period
     differs from the true one in how much the views share, and not in how well they agree on it.

@@ -20,11 +20,11 @@ from registration.gauss_sphere.judging.further_along import unsaid_along
 from registration.gauss_sphere.judging.misfits import without_misfits
 from registration.gauss_sphere.judging.open_directions import covariance_of, widest_covariance_of
 from registration.gauss_sphere.judging.symmetry import symmetric_rivals
-from registration.gauss_sphere.judging.third_planes import with_third_planes
 from registration.gauss_sphere.outlines.ends import as_ends
 from registration.gauss_sphere.outlines.telling import outlines_of
 from registration.gauss_sphere.outlines.testimony import denied_share, is_doubtful
-from registration.gauss_sphere.params import GaussSphereParams
+from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
+from registration.gauss_sphere.planes.patches import middle
 from registration.gauss_sphere.refinement.matching import Settled, different
 from registration.gauss_sphere.view import View
 
@@ -68,7 +68,7 @@ def _by_planes_and_ends(
     if not left:
         if verdict.status in ("ok", "failed"):
             return settled, refuted(denied) if verdict.status == "ok" else verdict, []
-        return *_by_further_planes(settled, target, source, bias_mm, params), []
+        return *_by_number_of_planes(settled, target, source, bias_mm, params), []
     left, verdict = judged_by_free_planes(left, target, source, params, appeal=True)
     if verdict.status != "ok":
         return left, verdict, []
@@ -80,14 +80,12 @@ def _by_planes_and_ends(
     return left, verdict, unsaid_along(left[0], target, source, ends, bias_mm, params)
 
 
-def _by_further_planes(
+def _by_number_of_planes(
     settled: list[Settled], target: View, source: View, bias_mm: float, params: GaussSphereParams
 ) -> tuple[list[Settled], Verdict]:
-    """Judge poses of which outlines do not tell by planes alone, where a third direction meets."""
-    fitted = [
-        pose if pose is settled[0] else _fitted(pose, target, source, bias_mm, params)
-        for pose in with_third_planes(settled, target, source, params)
-    ]
+    """Judge poses of which outlines do not tell: what many planes fix before what slides on few."""
+    best, *others = settled
+    fitted = [best, *(_fitted(pose, target, source, bias_mm, params) for pose in others)]
     left = fixed_first(fitted, target, source, params.decision)
     left, verdict = judged_by_free_planes(left, target, source, params)
     better = [pose for pose in left[1:] if pose.score > left[0].score]
@@ -124,7 +122,7 @@ def _unless_symmetric(
     alike = different([settled[0], *rivals], source, decision)
     if len(alike) == 1:
         others = different([*unsaid, *settled[1:]], source, decision) if unsaid else settled[1:]
-        return [settled[0], *others], verdict, _told(settled[0], unsaid, decision.distinct_rad)
+        return [settled[0], *others], verdict, _told(settled[0], unsaid, source, decision)
     poses = different([*alike, *settled[1:]], source, decision)
     if bias_mm > 0.0 and poses[0] is not settled[0] and poses[0].pairs.size:
         poses[0] = doubted(poses[0], target.patches, source.patches, bias_mm, params)
@@ -132,13 +130,17 @@ def _unless_symmetric(
     return poses, questioned(covariance, alike[0], alike[1:]), ()
 
 
-def _told(best: Settled, unsaid: list[Settled], least_rad: float) -> tuple[str, ...]:
+def _told(
+    best: Settled, unsaid: list[Settled], source: View, params: DecisionParams
+) -> tuple[str, ...]:
     """A note on the first of the poses that nothing speaks for or against, if there is any."""
     if not unsaid:
         return ()
     turn = Rotation.from_matrix(unsaid[0].rotation @ best.rotation.T).magnitude()
-    moved_mm = np.linalg.norm(unsaid[0].shift_mm - best.shift_mm)
-    turned, share = turn > least_rad, unsaid[0].score / best.score
+    turned, share = turn > params.distinct_rad, unsaid[0].score / best.score
+    centre = middle(source.patches)
+    away = (unsaid[0].rotation - best.rotation) @ centre + unsaid[0].shift_mm - best.shift_mm
+    moved_mm = np.linalg.norm(away)
     how = f"turned by {np.rad2deg(turn):.0f} degrees" if turned else f"moved by {moved_mm:.0f} mm"
     return (
         f"{how}, the pose has {share:.0%} of its score, and no end of a face says "

@@ -200,7 +200,8 @@ def _cell_mm(view: View) -> float:
     if pixel.size == 0 or view.seen.sample_area.size == 0:
         return 0.0
     pitch = abs(slope[pixel[-1]] - slope[pixel[0]]) / max(pixel[-1] - pixel[0], 1)
-    depth = view.seen.sample_mm[2].mean() - view.seen.apex_z_mm
+    x, z = view.seen.sample_mm[0], view.seen.sample_mm[2]
+    depth = z.mean() - view.seen.lean_z * x.mean() - view.seen.apex_z_mm
     return float(max(view.fan.gap_mm, pitch * depth))
 
 

@@ -97,7 +97,7 @@ def settle_all(
     capacity = effort.kept * (2 if again.kept_per_rotation > 0 else 1)
     # Each sample counts for one pair, so no more pairs than this can have enough of them.
     n_samples = target.seen.sample_area.size + source.seen.sample_area.size
-    most_pairs = min(n_a * n_b, n_samples // max(effort.least_samples, 1))
+    most_pairs = min(n_a * n_b, n_samples // effort.least_samples)
     found = Matches(
         np.empty((capacity, 3, 3)),
         np.empty((capacity, 3)),

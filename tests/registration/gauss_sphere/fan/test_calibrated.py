@@ -195,3 +195,17 @@ def test_an_answer_without_a_calibration_says_so(exact_pair, tmp_path: Path) -> 
     assert "\n" not in note
     nothing = Scan.from_points(np.full((5, 8, 3), np.nan), step_mm=5.0)
     assert register(nothing, nothing).notes == (note,)
+
+
+def test_the_bias_of_a_flat_scan_goes_by_the_apex_that_was_measured(tmp_path: Path) -> None:
+    calibration("incidence").write(tmp_path / "sensor.json")
+    params = GaussSphereParams(calibration=str(tmp_path / "sensor.json"))
+    flat = plates_from(
+        np.array([[0.0, 0.0, -1.0]]), np.array([[150.0, 0.0, 800.0]]), np.array([[300.0, 300.0]])
+    )
+    scan = biased(flat, "incidence", 0.5)
+    found = describe(replace(scan, apex_mm=None), params).patches
+    as_given = describe(scan, params).patches
+    assert found.n_points.size == as_given.n_points.size == 1
+    np.testing.assert_array_equal(found.covariance, as_given.covariance)
+    np.testing.assert_array_equal(found.normal, as_given.normal)

@@ -1,4 +1,4 @@
-"""Poses that slide on two planes, and those where a third direction of planes meets."""
+"""Poses that slide on two planes, beside those that planes of a third direction fix."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from registration.gauss_sphere.describing import describe
 from registration.gauss_sphere.judging.decision import agreeing_planes, fixed_first, is_rival, judge
 from registration.gauss_sphere.judging.judged import judged
-from registration.gauss_sphere.judging.open_directions import open_directions_of, open_shift
-from registration.gauss_sphere.judging.third_planes import with_third_planes
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.refinement.matching import Settled, settle_best
 from registration.gauss_sphere.view import View
@@ -68,31 +66,6 @@ def settled_at(target: View, source: View, T: RigidTransform, off_mm: float = 0.
     return settle_best(target, source, r, t, PARAMS, look_again=False)
 
 
-@pytest.mark.parametrize("off_mm", [OFF_MM, -OFF_MM])
-@pytest.mark.parametrize("seed", range(3))
-def test_a_pose_is_found_along_what_two_planes_leave_open(seed: int, off_mm: float) -> None:
-    target, source, T = views(room(cube()), seed)
-    (slid,) = settled_at(target, source, T, off_mm)
-    along = open_shift(slid, target, DECISION)
-    assert along is not None
-    assert abs(along @ ALONG) > 0.99
-    found = with_third_planes([slid], target, source, PARAMS)
-    assert not open_directions_of(found[0], target, DECISION).size
-    assert np.linalg.norm(found[0].shift_mm - T.translation) < 2.0
-    assert [pose.score for pose in found] == sorted((p.score for p in found), reverse=True)
-    assert any(pose is slid for pose in found)
-
-
-def test_nothing_is_looked_for_where_no_third_plane_is_seen_or_none_is_needed() -> None:
-    target, source, T = views(room(), 0)
-    slid = settled_at(target, source, T, OFF_MM)
-    assert with_third_planes(slid, target, source, PARAMS) is slid
-    target, source, T = views(room(cube()), 0)
-    fixed = settled_at(target, source, T)
-    assert not open_directions_of(fixed[0], target, DECISION).size
-    assert with_third_planes(fixed, target, source, PARAMS) is fixed
-
-
 def sliding_and_fixed(thing: Plates, seed: int) -> tuple[View, View, Settled, Settled]:
     target, source, T = views(room(thing), seed)
     (slid,), (fixed,) = settled_at(target, source, T, OFF_MM), settled_at(target, source, T)
@@ -135,19 +108,6 @@ def test_what_slides_questions_an_answer_unless_many_planes_agree_on_it(seed: in
         # One that as many planes agree on is another place, whatever the number.
         alike = fixed._replace(score=rival.score, shift_mm=fixed.shift_mm + OFF_MM * ALONG)
         assert is_rival(alike, fixed, target, DECISION, appeal=True)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_planes_of_a_third_direction_are_asked_where_ends_of_faces_do_not_tell(seed: int) -> None:
-    target, source, T = views(room(cube()), seed)
-    silent = replace(PARAMS, outlines=replace(PARAMS.outlines, least=1_000_000))
-    poses, verdict, _ = judged(settled_at(target, source, T, OFF_MM), target, source, 0.0, silent)
-    assert np.linalg.norm(poses[0].shift_mm - T.translation) < 2.0
-    assert verdict.status in ("ok", "ambiguous")
-    without = replace(silent, decision=replace(DECISION, third_planes=0))
-    poses, verdict, _ = judged(settled_at(target, source, T, OFF_MM), target, source, 0.0, without)
-    assert np.linalg.norm(poses[0].shift_mm - T.translation) > 0.5 * OFF_MM
-    assert verdict.status == "underdetermined"
 
 
 @pytest.mark.parametrize("seed", range(3))
