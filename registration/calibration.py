@@ -176,7 +176,7 @@ def read_calibration(path: Path | str) -> Calibration:
     """Read a calibration; raises CalibrationError, one line, or OSError where no file opens."""
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except ValueError as error:  # not UTF-8, or not JSON
+    except (ValueError, RecursionError) as error:  # not UTF-8, not JSON, or nested endlessly
         raise CalibrationError(f"{path}: is not JSON: {error}") from None
     try:
         return _parsed(data)

@@ -61,7 +61,7 @@ def find_method(name: str) -> Method:
         )
     try:
         function = getattr(importlib.import_module(module_name), function_name)
-    except (ImportError, AttributeError, TypeError, ValueError) as error:
+    except Exception as error:  # whatever a module of the user's raises
         raise UnknownMethodError(f"method {name!r} cannot be loaded: {error}") from error
     if not callable(function):
         kind = type(function).__name__
@@ -77,8 +77,9 @@ def register(
     params: an instance of the method's params_type; its defaults when None.
     A pair that cannot be registered comes back with status and reason; only a method that is
     unknown or misconfigured raises: UnknownMethodError, TypeError for params of another type or
-    arrays in place of scans, CalibrationError or OSError for a calibration that cannot be read,
-    MissingPeerError where a peer's library is not installed.
+    arrays in place of scans and for a function of one's own that returns something else,
+    CalibrationError or OSError for a calibration that cannot be read, MissingPeerError where a
+    peer's library is not installed.
     """
     chosen = find_method(method)
     for name, scan in (("target", target), ("source", source)):
@@ -94,4 +95,8 @@ def register(
             f"params of method {method!r} are of type {type(params).__name__}; expected "
             f"{kind.__name__} of {kind.__module__}"
         )
-    return chosen.function(target, source, params)
+    result = chosen.function(target, source, params)
+    if not isinstance(result, RegistrationResult):
+        kind = type(result).__name__
+        raise TypeError(f"method {method!r} returned {kind}; expected RegistrationResult")
+    return result

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,11 @@ def own_method(target: Scan, source: Scan, params: OwnParams) -> RegistrationRes
 
 own_method.params_type = OwnParams
 
+
+def no_result(target: Scan, source: Scan, params: dict) -> str:
+    return "ok"
+
+
 SCAN = Scan.from_points([[[0.0, 0.0, 500.0]]], step_mm=5.0)
 
 
@@ -38,13 +44,23 @@ def test_a_function_of_ones_own_needs_no_edit() -> None:
         ("no_such_package:f", "'no_such_package:f' cannot be loaded: No module named"),
         (f"{__name__}:gone", f"'{__name__}:gone' cannot be loaded"),
         (":f", "':f' cannot be loaded: Empty module name"),
+        ("broken_method:f", "'broken_method:f' cannot be loaded: .* was never closed"),
         (".a:b", "'.a:b' cannot be loaded"),
         (f"{__name__}:SCAN", f"'{__name__}:SCAN' is of type Scan; expected a function"),
     ],
 )
-def test_an_unknown_method_is_named_with_what_would_have_worked(name: str, message: str) -> None:
+def test_an_unknown_method_is_named_with_what_would_have_worked(
+    name: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken_method.py").write_text("def f(\n = 1", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(UnknownMethodError, match=message):
         register(SCAN, SCAN, name)
+
+
+def test_what_a_function_of_ones_own_returns_is_asked_for() -> None:
+    with pytest.raises(TypeError, match=r":no_result' returned str; expected RegistrationResult"):
+        register(SCAN, SCAN, f"{__name__}:no_result")
 
 
 @pytest.mark.parametrize("name", METHODS)
