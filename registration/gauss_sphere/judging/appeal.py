@@ -23,7 +23,7 @@ from registration.gauss_sphere.judging.open_directions import (
 )
 from registration.gauss_sphere.outlines.coinciding import information_of
 from registration.gauss_sphere.outlines.ends import Ends, Outlines, as_ends, moved_outlines
-from registration.gauss_sphere.outlines.testimony import ANY_WAY, said
+from registration.gauss_sphere.outlines.testimony import said, said_along
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, OutlineParams
 from registration.gauss_sphere.refinement.matching import Settled, different, scored, settle_best
 from registration.gauss_sphere.refinement.refine import distances2, likelihood
@@ -34,6 +34,7 @@ from registration.scan import FloatArray
 ROUNDS = 3
 HOPELESS = 0.6  # share of ends that deny a pose: to move it to where outlines coincide cannot help
 BARELY = 1e-9  # of the information: enough to solve for what stays open
+A_TURN = 1e-9  # of the length of a direction: one that moves the middle of the surface by less
 
 
 def appealed(
@@ -133,7 +134,7 @@ def _told(
     pose: Settled, target: View, source: View, ends: tuple[Ends, Ends], params: OutlineParams
 ) -> tuple[int, int]:
     """How many ends of faces confirm a pose, and deny it."""
-    return said(pose.rotation, pose.shift_mm, target, source, ends, ANY_WAY, params)
+    return said(pose.rotation, pose.shift_mm, target, source, ends, params)
 
 
 def _denied_of(words: tuple[int, int], params: OutlineParams) -> float:
@@ -184,12 +185,20 @@ def _said_across(
     ends: tuple[Ends, Ends],
     params: OutlineParams,
 ) -> Iterator[tuple[int, int]]:
-    """How many ends of faces across each direction (k, 6) confirm a pose, and deny it."""
-    centre = centre_of(pose, target)
+    """How many ends of faces across each direction (k, 6) confirm a pose, and deny it.
+
+    Of a turn about the middle of the surface all tell.
+    """
+    centre, here = centre_of(pose, target), (pose.rotation, pose.shift_mm)
     for direction in directions:
         across = direction[3:] + np.cross(direction[:3], centre)
-        across = across / max(float(np.linalg.norm(across)), 1e-12)
-        yield said(pose.rotation, pose.shift_mm, target, source, ends, across, params)
+        length = float(np.linalg.norm(across))
+        if length < A_TURN * float(np.linalg.norm(direction)):
+            yield said(*here, target, source, ends, params)
+        else:
+            unmoved = np.zeros(1)
+            told = said_along(*here, across / length, unmoved, target, source, ends, params)
+            yield int(told[0, 0]), int(told[0, 1])
 
 
 def _fixed(

@@ -23,7 +23,7 @@ from registration.gauss_sphere.judging.turning import (
 from registration.gauss_sphere.outlines.ends import as_ends
 from registration.gauss_sphere.outlines.placing import placed, placed_by_some
 from registration.gauss_sphere.outlines.telling import outlines_of
-from registration.gauss_sphere.outlines.testimony import ANY_WAY, said
+from registration.gauss_sphere.outlines.testimony import said
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams
 from registration.gauss_sphere.refinement.matching import Settled, different, scored, settle_best
 from registration.gauss_sphere.refinement.verification import comparison
@@ -79,7 +79,7 @@ def symmetric_rivals(
         return [], []
     ends = as_ends(outlines_of(target, how)), as_ends(outlines_of(source, how))
     least = max(how.least, how.confirmed_share * sum(len(e.point_mm) for e in ends))
-    confirmed, denied = said(best.rotation, best.shift_mm, target, source, ends, ANY_WAY, how)
+    confirmed, denied = said(best.rotation, best.shift_mm, target, source, ends, how)
     most_denied = denied / max(confirmed + denied, how.least) + decision.turned_denied
     enough, rivals, unsaid = _enough_planes(len(agreeing), decision), [], []
     unmoved = not has_free_plane(best, target, source, params)

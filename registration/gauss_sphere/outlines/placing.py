@@ -99,9 +99,9 @@ def _placed(
 
     Last goes how many ends confirm the pose at most, of all places that are tried.
     """
-    any_way, trial, seen = np.zeros(3), np.empty(3), (target.seen, source.seen)
+    trial, seen = np.empty(3), (target.seen, source.seen)
     how = off_both_sides(target, source, off_mm), on_mm, behind_mm
-    words = said_of_ends(r, t, *seen, of_target, of_source, any_way, *how)
+    words = said_of_ends(r, t, *seen, of_target, of_source, *how)
     most = words[0]
     in_vain = np.empty((2, 2), np.bool_)  # ways that lead to no better place from here
     for step_mm in steps_mm:
@@ -113,7 +113,7 @@ def _placed(
                         continue
                     for u in range(3):
                         trial[u] = t[u] + (2 * way - 1) * step_mm * along[axis, u]
-                    there = said_of_ends(r, trial, *seen, of_target, of_source, any_way, *how)
+                    there = said_of_ends(r, trial, *seen, of_target, of_source, *how)
                     in_vain[axis, way], most = True, max(most, there[0])
                     if there[0] - there[1] > words[0] - words[1]:
                         words = there

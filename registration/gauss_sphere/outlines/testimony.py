@@ -12,7 +12,6 @@ from registration.kernels import compiled
 from registration.scan import FloatArray, IntArray
 
 LEAST_SHARE = 0.3  # cosine between a direction and the ends that tell of it
-ANY_WAY = np.zeros(3)
 
 
 def is_doubtful(
@@ -43,7 +42,7 @@ def denied_share(
     r: (3, 3), t: (3,) in mm, p_target = R p_source + t.  outlines: of target and source.
     """
     ends = as_ends(outlines[0]), as_ends(outlines[1])
-    confirmed, denied = said(r, t, target, source, ends, ANY_WAY, params)
+    confirmed, denied = said(r, t, target, source, ends, params)
     needed = params.refuting_share * (len(ends[0].point_mm) + len(ends[1].point_mm))
     share = denied / max(confirmed + denied, 1)
     return share if denied > max(needed, params.least) else 0.0
@@ -55,15 +54,11 @@ def said(
     target: View,
     source: View,
     ends: tuple[Ends, Ends],
-    across: FloatArray,
     params: OutlineParams,
 ) -> tuple[int, int]:
-    """How many ends of faces, of target and source, the views confirm and deny each other.
-
-    across: (3,) only those count that lead out of the face along it; 0 for all.
-    """
+    """How many ends of faces, of target and source, the views confirm and deny each other."""
     how = params.off_mm, params.on_mm, params.behind_mm
-    counts: tuple[int, int] = _said(r, t, target, source, *ends, across, *how)
+    counts: tuple[int, int] = _said(r, t, target, source, *ends, *how)
     return counts
 
 
@@ -100,14 +95,14 @@ def _said_along(
     on_mm: float,
     behind_mm: float,
 ) -> IntArray:
-    off, there, any_way = off_both_sides(target, source, off_mm), np.empty(3), np.zeros(3)
+    off, there = off_both_sides(target, source, off_mm), np.empty(3)
     one, other = _across(of_target, along), _across(of_source, r.T.copy() @ along)
     words = np.empty((shifts_mm.size, 2), np.int64)
     for k in range(shifts_mm.size):
         for u in range(3):
             there[u] = t[u] + shifts_mm[k] * along[u]
         words[k, 0], words[k, 1] = said_of_ends(
-            r, there, target.seen, source.seen, one, other, any_way, off, on_mm, behind_mm
+            r, there, target.seen, source.seen, one, other, off, on_mm, behind_mm
         )
     return words
 
@@ -132,15 +127,12 @@ def _said(
     source: View,
     of_target: Ends,
     of_source: Ends,
-    across: FloatArray,
     off_mm: float,
     on_mm: float,
     behind_mm: float,
 ) -> tuple[int, int]:
     off = off_both_sides(target, source, off_mm)
-    return said_of_ends(
-        r, t, target.seen, source.seen, of_target, of_source, across, off, on_mm, behind_mm
-    )
+    return said_of_ends(r, t, target.seen, source.seen, of_target, of_source, off, on_mm, behind_mm)
 
 
 @compiled
@@ -151,19 +143,17 @@ def said_of_ends(
     source: Seen,
     of_target: Ends,
     of_source: Ends,
-    across: FloatArray,
     off_mm: float,
     on_mm: float,
     behind_mm: float,
 ) -> tuple[int, int]:
     """As `said`, for compiled loops: with off_mm of off_both_sides."""
-    back_r, back_t, back_across = r.T.copy(), np.zeros(3), np.zeros(3)
+    back_r, back_t = r.T.copy(), np.zeros(3)
     for u in range(3):
         for v in range(3):
             back_t[u] -= back_r[u, v] * t[v]
-            back_across[u] += back_r[u, v] * across[v]
-    one = _told(target, of_source, r, t, across, off_mm, on_mm, behind_mm)
-    other = _told(source, of_target, back_r, back_t, back_across, off_mm, on_mm, behind_mm)
+    one = _told(target, of_source, r, t, off_mm, on_mm, behind_mm)
+    other = _told(source, of_target, back_r, back_t, off_mm, on_mm, behind_mm)
     return one[0] + other[0], one[1] + other[1]
 
 
@@ -190,7 +180,7 @@ def _said_of_some(
 ) -> tuple[int, int]:
     of_target = ends_of(target.fan, target.patches, behind_mm, missing_pixels, every)
     of_source = ends_of(source.fan, source.patches, behind_mm, missing_pixels, every)
-    return _said(r, t, target, source, of_target, of_source, np.zeros(3), off_mm, on_mm, behind_mm)
+    return _said(r, t, target, source, of_target, of_source, off_mm, on_mm, behind_mm)
 
 
 @compiled
@@ -211,7 +201,6 @@ def _told(
     ends: Ends,
     r: FloatArray,
     t: FloatArray,
-    across: FloatArray,
     off: float,
     on_mm: float,
     behind: float,
@@ -220,22 +209,18 @@ def _told(
 
     It confirms one where it sees the face inside of it and free space outside, and denies it where
     it sees the face on both sides, or nothing where the face should be.
-    across: (3,) only those count that lead out of the face along it; 0 for all.
     """
-    any_way = across[0] == 0.0 and across[1] == 0.0 and across[2] == 0.0
-    inside, outside = np.empty((2, 6, ends.point_mm.shape[0]))
-    normal, n = np.empty((ends.point_mm.shape[0], 3)), 0
-    for j in range(ends.point_mm.shape[0]):
-        share = 0.0
+    n = ends.point_mm.shape[0]
+    inside, outside = np.empty((2, 6, n))
+    normal = np.zeros((n, 3))
+    for j in range(n):
         for u in range(3):
-            point, out, normal[n, u] = t[u], 0.0, 0.0
+            point, out = t[u], 0.0
             for v in range(3):
                 point += r[u, v] * ends.point_mm[j, v]
                 out += r[u, v] * ends.outward[j, v]
-                normal[n, u] += r[u, v] * ends.normal[j, v]
-            inside[u, n], outside[u, n] = point - off * out, point + off * out
-            share += out * across[u]
-        n += any_way or abs(share) >= LEAST_SHARE
+                normal[j, u] += r[u, v] * ends.normal[j, v]
+            inside[u, j], outside[u, j] = point - off * out, point + off * out
     on_face = what_is_at(seen, inside, normal, n, on_mm, behind)
     beyond = what_is_at(seen, outside, normal, n, on_mm, behind)
     confirmed, denied = 0, 0

@@ -27,7 +27,7 @@ from registration.gauss_sphere.judging.appeal import outscoring
 from registration.gauss_sphere.judging.further_along import unsaid_along
 from registration.gauss_sphere.outlines.ends import Ends, as_ends
 from registration.gauss_sphere.outlines.telling import outlines_of
-from registration.gauss_sphere.outlines.testimony import said
+from registration.gauss_sphere.outlines.testimony import said_along
 from registration.gauss_sphere.params import GaussSphereParams
 from registration.gauss_sphere.refinement.matching import Settled, settle_best
 from registration.gauss_sphere.view import View
@@ -145,8 +145,8 @@ def test_an_answer_that_only_ends_place_names_a_pose_further_along(seed: int) ->
     for there in found:
         moved_mm = there.shift_mm - pose.shift_mm
         assert abs(moved_mm @ ALONG) == pytest.approx(np.linalg.norm(moved_mm), abs=1.0)
-        words = said(there.rotation, there.shift_mm, *views, ends, ALONG, PARAMS.outlines)
-        assert sum(words) < PARAMS.outlines.least
+        here = there.rotation, there.shift_mm, ALONG, np.zeros(1)
+        assert said_along(*here, *views, ends, PARAMS.outlines).sum() < PARAMS.outlines.least
         assert there.score > PARAMS.decision.repeat_share * pose.score
 
 

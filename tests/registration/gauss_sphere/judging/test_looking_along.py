@@ -29,9 +29,9 @@ from registration.gauss_sphere.judging.looking_along import (
     starts_along,
 )
 from registration.gauss_sphere.judging.open_directions import open_directions_of
-from registration.gauss_sphere.outlines.ends import as_ends, found_outlines
+from registration.gauss_sphere.outlines.ends import Ends, as_ends, found_outlines
 from registration.gauss_sphere.outlines.telling import _some_of_each_direction, outlines_of
-from registration.gauss_sphere.outlines.testimony import said, said_along
+from registration.gauss_sphere.outlines.testimony import LEAST_SHARE, said, said_along
 from registration.gauss_sphere.params import GaussSphereParams, OutlineParams
 from registration.gauss_sphere.planes.patches import middle
 from registration.gauss_sphere.refinement.matching import Settled, settle_best
@@ -101,7 +101,13 @@ def test_ends_say_along_a_direction_what_they_say_at_each_place() -> None:
     r, t = np.ascontiguousarray(T.rotation.as_matrix()), np.asarray(T.translation)
     shifts_mm = np.array([-40.0, -8.0, 0.0, 24.0])
     words = said_along(r, t, ALONG, shifts_mm, *views, ends, HOW)
-    each = [said(r, t + shift * ALONG, *views, ends, ALONG, HOW) for shift in shifts_mm]
+    # Of the two views' ends those that lead along the direction.
+    share = ends[0].outward @ ALONG, ends[1].outward @ (r.T @ ALONG)
+    across = tuple(
+        Ends(*(each[np.abs(along) >= LEAST_SHARE] for each in all_of_them))
+        for all_of_them, along in zip(ends, share, strict=True)
+    )
+    each = [said(r, t + shift * ALONG, *views, across, HOW) for shift in shifts_mm]
     np.testing.assert_array_equal(words, each)
     assert words[2, 0] > words[2, 1]
     assert words[0, 1] > words[0, 0]

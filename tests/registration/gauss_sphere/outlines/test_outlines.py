@@ -27,7 +27,7 @@ from registration.gauss_sphere.judging.open_directions import uncertainty
 from registration.gauss_sphere.outlines.ends import as_ends, ends_of
 from registration.gauss_sphere.outlines.placing import STEPS_MM, placed, placed_by_some
 from registration.gauss_sphere.outlines.telling import outlines_of
-from registration.gauss_sphere.outlines.testimony import ANY_WAY, said
+from registration.gauss_sphere.outlines.testimony import said
 from registration.gauss_sphere.params import DecisionParams, GaussSphereParams, OutlineParams
 from registration.gauss_sphere.refinement.chance import take_chance
 from registration.gauss_sphere.refinement.matching import settle_best
@@ -137,7 +137,7 @@ def test_views_confirm_outlines_under_the_true_pose_and_deny_them_beside_it(seed
     def words(shift_mm: float) -> tuple[int, int]:
         r = np.ascontiguousarray(T.rotation.as_matrix())
         t = np.asarray(T.translation) + shift_mm * ROOM.apply([0.0, 1.0, 0.0])
-        return said(r, t, target, source, ends, ANY_WAY, HOW)
+        return said(r, t, target, source, ends, HOW)
 
     confirmed, denied = words(0.0)
     assert confirmed > 50
@@ -156,13 +156,13 @@ def test_ends_of_faces_place_a_pose_where_planes_leave_it_open(seed: int, off_mm
     exact = np.asarray(pair.T_target_source.translation)
     start, along = exact + off_mm * open_way, np.array([open_way, other])
     ends = as_ends(outlines_of(target, HOW)), as_ends(outlines_of(source, HOW))
-    before = said(r, start, target, source, ends, ANY_WAY, HOW)
+    before = said(r, start, target, source, ends, HOW)
 
     given = start.copy()
     there, *words = placed(target, source, ends, r, start, along, HOW)
 
     np.testing.assert_array_equal(start, given)
-    assert tuple(words) == said(r, there, target, source, ends, ANY_WAY, HOW)
+    assert tuple(words) == said(r, there, target, source, ends, HOW)
     assert words[0] - words[1] > before[0] - before[1]
     # Ends tell places apart that are more than off_mm away from them, on either side.
     assert abs((there - exact) @ open_way) < HOW.off_mm + STEPS_MM[-1]
@@ -182,7 +182,7 @@ def test_some_ends_of_faces_place_a_pose_as_all_do(seed: int) -> None:
     assert n_ends == sum(len(ends.point_mm) for ends in some)
     for t, (confirmed, denied, most) in zip(starts, words, strict=True):
         assert (confirmed, denied) == placed(*views, some, r, t, along, HOW)[1:]
-        assert max(confirmed, said(r, t, *views, some, ANY_WAY, HOW)[0]) <= most <= n_ends
+        assert max(confirmed, said(r, t, *views, some, HOW)[0]) <= most <= n_ends
 
 
 @pytest.mark.parametrize("seed", range(4))
