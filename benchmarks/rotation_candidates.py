@@ -113,8 +113,8 @@ def main() -> None:
     rows = []
     for way in WAYS:
         with (
-            patch("registration.gauss_sphere.pipeline.gauss_sphere", way.weigh),
-            patch("registration.gauss_sphere.pipeline.rotation_candidates", way.find),
+            patch("registration.gauss_sphere.candidates.rotation.gauss_sphere", way.weigh),
+            patch("registration.gauss_sphere.candidates.rotation.rotation_candidates", way.find),
         ):
             results = [register(*pair.scans, params=PARAMS) for pair in drawn]
         right = sum(is_right(r, pair.T_exact, FINE) for r, pair in zip(results, drawn, strict=True))
