@@ -1,13 +1,15 @@
 """Scenes that repeat themselves, are symmetric or have three directions: what methods make of them.
 
 python benchmarks/hard_scenes.py [--pairs N] [--seed N] [--everyday | --symmetric] [--only KIND ...]
-                                 [--pitch DEG] [--yaw DEG] [--little-noise] [--ablation]
+                                 [--pitch DEG] [--yaw DEG] [--overlap LIMIT ...] [--little-noise]
+                                 [--ablation]
 
 --everyday: book shelves, stairs, pipes and other things that people scan, in their place.
 --symmetric: flanges, wheels, towers and others that look the same some turns or things further.
 --pitch: of the sensor, within 10 degrees; 90 looks straight down.
---yaw: by which two views differ at most; from opposite sides, with --least-overlap 0.05, they see
-other sides of a table, which looks the same from both.
+--yaw: by which two views differ at most; from opposite sides, with --overlap 0.05 0.4 0.6 1, they
+see other sides of a table, which looks the same from both. --overlap: ranges between these limits,
+that pairs take turns in; with 0 0.03 they share next to nothing, and no answer is to be had.
 --little-noise: 0.1 mm of white noise and no other effect of the sensor. So planes are known so well
 that few decide, and those of a box seen from two sides may be taken for each other.
 --ablation: the methods of configs/ablation.yaml, all kinds of scenes together.
@@ -274,7 +276,9 @@ def main() -> None:
     which.add_argument("--only", nargs="+", choices=[*KINDS, *EVERYDAY, *SYMMETRIC])
     parser.add_argument("--pitch", type=float, default=25.0, help="of the sensor, in degrees")
     parser.add_argument("--yaw", type=float, default=40.0, help="by which views differ at most")
-    parser.add_argument("--least-overlap", type=float, default=0.2)
+    parser.add_argument(
+        "--overlap", type=float, nargs="+", default=[0.2, 0.4, 0.6, 1.0], help="limits of ranges"
+    )
     parser.add_argument("--little-noise", action="store_true")
     parser.add_argument("--ablation", action="store_true", help="with one part off at a time")
     options = parser.parse_args()
@@ -284,7 +288,7 @@ def main() -> None:
     families = families_of("hard", kinds, options.pairs, options.pitch)
     overrides = ["methods=[{name: gauss_sphere}]", f"families={families}"]
     overrides.append(f"yaw_within_deg={options.yaw}")
-    overrides.append(f"overlap=[{options.least_overlap},0.4,0.6,1.0]")
+    overrides.append(f"overlap={options.overlap}")
     if options.little_noise:
         overrides.append(f"sensor.params.noise={LITTLE_NOISE}")
     experiment = load_experiment(CONFIG, overrides, options.seed)
