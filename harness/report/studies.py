@@ -64,7 +64,6 @@ def study(rows: pd.DataFrame, design: str, bars: Bars = quartiles) -> dict[str, 
     spreads = {
         short: bars(known.loc[good & known[column].notna().to_numpy(), column], places)
         for short, column in SPREADS.items()
-        if column in known
     }
     ids = known["id"].groupby(places).agg(list)
     shares = functools.cache(wilson_interval)

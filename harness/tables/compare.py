@@ -55,8 +55,6 @@ def _keyed(rows: pd.DataFrame, swept: Sequence[str]) -> pd.DataFrame:
     values = [[plain_value(value) for value in known[PREFIX + key]] for key in swept]
     varied = known["sweep.varied"] if "sweep.varied" in known else [""] * len(known)
     known["point"] = [json.dumps(point) for point in zip(varied, *values, strict=True)]
-    if "ms_registration" not in known:
-        known["ms_registration"] = np.nan
     names = [*MATCHED, "id", "status", "reason", "right", "ms_registration", *ERRORS]
     return known[names].drop_duplicates([*MATCHED, "id"])
 

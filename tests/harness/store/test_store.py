@@ -194,3 +194,14 @@ def test_trials_that_end_alike_keep_what_is_their_own(small_file: Path, tmp_path
         whole = connection.execute("SELECT id, traceback FROM whole_rows").fetchall()
     assert alike == 2
     assert dict(whole) == {row.id: row.traceback for row in rows}
+
+
+def test_rows_without_any_registration_have_its_time_too(small_file: Path, tmp_path: Path) -> None:
+    trials = open_session(small_file, None).trials
+    with Store(tmp_path) as store:
+        store.begin(trials)
+        assert list(load(tmp_path)["ms_registration"]) == []
+        store.add(Row(trials[0].id, "{}", "no_overlap", stage_ms={"scan": 1.0}), "code")
+    (record,) = load(tmp_path).to_dict("records")
+    assert np.isnan(record["ms_registration"])
+    assert record["ms_scan"] == 1.0

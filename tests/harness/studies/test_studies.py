@@ -140,6 +140,13 @@ def test_the_ranking_names_the_best(best: str) -> None:
     assert f"{best} is the most exact" in found.conclusion[1]
 
 
+def test_a_ranking_without_any_registration_is_drawn(tmp_path: Path) -> None:
+    rows = rows_of("leaderboard", 6, lambda _m, _s, _n: False).assign(ms_registration=np.nan)
+    found = find(experiment("leaderboard"), rows)
+    assert found.tables[0].frame["Median time (ms)"].isna().all()
+    assert draw_study(found, tmp_path)
+
+
 @pytest.mark.parametrize("name", STUDIES)
 def test_figures_are_not_blank(name: str, tmp_path: Path) -> None:
     from PIL import Image

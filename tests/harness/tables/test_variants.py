@@ -59,3 +59,10 @@ def test_trials_are_compared_on_the_same_scans() -> None:
 
 def test_methods_that_stand_alone_have_no_variants() -> None:
     assert variant_tables(METHODS[1:], rows_of({"better": [True]}, {"better": 1.0}), False) == []
+
+
+def test_variants_of_which_none_was_timed_get_their_table() -> None:
+    rows = rows_of({"plain": [False] * 2, "better": [False] * 2}, {})
+    rows["ms_registration"] = np.nan
+    (table,) = variant_tables(METHODS, rows, random=False)
+    assert list(table.frame["Time, ratio"]) == [""] * len(table.frame)
