@@ -70,12 +70,14 @@ class RunState(NamedTuple):
     """What the store has of the present configuration, and what it has not.
 
     missing: positions of trials without a good row, the first of those that are the same.
-    reused: trials that have one. different: trials apart from those that are the same.
-    outdated: of these, how many have a row that other code computed.
+    reused: trials that have one. held: those that have any row, whatever computed it.
+    different: trials apart from those that are the same. outdated: of these, how many have a row
+    that other code computed.
     """
 
     missing: np.ndarray[Any, np.dtype[np.int64]]
     reused: int
+    held: int
     different: int
     outdated: int
 
@@ -140,6 +142,13 @@ class Store:
             of_point = None if point is None else point.number
             yield position, number, kind, trial.spec.repeat, of_point
 
+    def has_some(self, trials: Iterable[Trial]) -> bool:
+        """Whether there is a row of any of these trials; notes nothing."""
+        query = "SELECT 1 FROM ids JOIN trials USING (number) WHERE id = ?"
+        with telling(self.path):
+            rows = (self._connection.execute(query, (trial.id,)).fetchone() for trial in trials)
+            return any(row is not None for row in rows)
+
     def state(self, code: str) -> RunState:
         """How far the present configuration is computed by this code."""
         good = "code = ? AND status != 'error'"
@@ -147,11 +156,11 @@ class Store:
             "SELECT {} FROM run LEFT JOIN timings USING (number) LEFT JOIN trials USING (number) "
             "LEFT JOIN endings ON endings.number = ending"
         )
-        counts = f"count(*) FILTER (WHERE {good}), count(DISTINCT run.number), "
+        counts = f"count(*) FILTER (WHERE {good}), count(code), count(DISTINCT run.number), "
         counts += "count(DISTINCT run.number) FILTER (WHERE code != ?)"
         missing = f"min(position) AS first, {good} AS done"
         with telling(self.path):
-            reused, different, outdated = self._connection.execute(
+            reused, held, different, outdated = self._connection.execute(
                 query.format(counts), (code, code)
             ).fetchone()
             found = self._connection.execute(
@@ -160,7 +169,7 @@ class Store:
                 (code,),
             )
             positions = np.fromiter((first for (first,) in found), dtype=np.int64)
-        return RunState(positions, reused, different, outdated)
+        return RunState(positions, reused, held, different, outdated)
 
     def finished(self, code: str) -> set[str]:
         """Ids of the rows that this code computed and that are no errors."""

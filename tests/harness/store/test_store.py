@@ -171,7 +171,7 @@ def test_the_state_tells_what_is_missing_reused_and_of_other_code(
         store.add(example_row("of no trial"), "old")
         state = store.state("new")
     assert state.missing.tolist() == [0, 2]
-    assert (state.reused, state.different, state.outdated) == (1, 3, 1)
+    assert (state.reused, state.held, state.different, state.outdated) == (1, 4, 3, 1)
 
 
 def test_trials_that_end_alike_keep_what_is_their_own(small_file: Path, tmp_path: Path) -> None:
