@@ -114,10 +114,10 @@ def run_all(
 
 
 def export(session: Session, file: Path) -> int:
-    """Write the rows at hand to one file; computes nothing."""
+    """Write the rows of all trials to one file; computes nothing. Raises StoreError."""
     from harness.store.export import export_rows  # it brings pandas
 
-    rows = export_rows(session.folder, file)
+    rows = export_rows(session.folder, file, {trial.id for trial in session.trials})
     print(f"{file}: {rows} rows")
     return EXIT_OK
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NoReturn
 
+import pandas as pd
 import pytest
 
-from experiments.commands import run_all
+from experiments.commands import export, run_all
 from harness.session import open_session, plan
 from harness.store import Row, Store, StoreError, load
 from harness.workers.cluster import ClusterError
@@ -59,3 +60,20 @@ def test_a_scheduler_that_is_not_there_changes_nothing(
             run_all(open_session(small_file, folder, OTHER), 1, redraw=False, scheduler="tcp://x")
     assert unchanged(ran)
     assert not (tmp_path / "new").exists()
+
+
+def test_only_rows_of_the_configuration_are_exported(
+    small_file: Path, ran: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "rows.csv"
+    for overrides, told in (([], "2 of the 4"), (OTHER, "0 of the 4")):
+        with pytest.raises(StoreError, match=f"has rows of {told} different trials"):
+            export(open_session(small_file, ran, overrides), file)
+    assert not file.exists()
+    with Store(ran) as store:
+        rest = open_session(small_file, ran).trials[2:]
+        store.add_all([Row(trial.id, "{}", "ok") for trial in rest], "code")
+        store.begin(open_session(small_file, ran).trials)
+    few = open_session(small_file, ran, ["repeats=1"])
+    assert export(few, file) == 0
+    assert list(pd.read_csv(file)["id"]) == [trial.id for trial in few.trials]
