@@ -15,6 +15,7 @@ from harness.config.choices import installed_methods
 from harness.config.random_schema import RandomPairsExperiment
 from harness.config.reading import AnyExperiment, dump_yaml, load_experiment, overridden_mapping
 from harness.config.resolved import resolved_config, with_defaults
+from harness.figures.of_rows import forget_figures
 from harness.provenance import Sources, code_fingerprint, note_run
 from harness.report.record_paths import RECORDS
 from harness.results import results_folder
@@ -199,6 +200,7 @@ def report(session: Session) -> list[Table]:
     rows = load(session.folder, arrays=experiment.sweep is None)
     if rows.empty:
         raise no_rows(session.folder)
+    forget_figures(session.folder / "figures")
     if experiment.sweep is not None:
         tables = [sweep_table(rows)]
     elif isinstance(experiment, RandomPairsExperiment):

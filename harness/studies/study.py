@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from harness.config.random_schema import RandomPairsExperiment
+from harness.figures.of_rows import STUDY
 from harness.figures.page import page_style, save
 from harness.studies.curves import curves_conclusion, curves_table, draw_errors, draw_success
 from harness.studies.effects import draw_effects, effects_conclusion, effects_table
@@ -25,8 +26,6 @@ from harness.studies.indices import (
 from harness.studies.overlap import draw_overlap, overlap_conclusion, overlap_table
 from harness.studies.ranking import draw_ranking, ranking_conclusion, ranking_table
 from harness.tables.table import Table
-
-FIGURE = "study_"  # how the files of the figures begin
 
 
 @dataclass(frozen=True)
@@ -92,5 +91,5 @@ def draw_study(findings: Findings, folder: Path) -> list[Path]:
     files = []
     for name, draw in findings.figures.items():
         with page_style():
-            files.append(save(draw(), folder / f"{FIGURE}{name}.png"))
+            files.append(save(draw(), folder / f"{STUDY}{name}.png"))
     return files

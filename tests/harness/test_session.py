@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from experiments.commands import export, run_all
-from harness.session import open_session, plan
+from harness.session import open_session, plan, report
 from harness.store import Row, Store, StoreError, load
 from harness.workers.cluster import ClusterError
 
@@ -77,3 +77,13 @@ def test_only_rows_of_the_configuration_are_exported(
     few = open_session(small_file, ran, ["repeats=1"])
     assert export(few, file) == 0
     assert list(pd.read_csv(file)["id"]) == [trial.id for trial in few.trials]
+
+
+def test_figures_of_what_is_no_longer_asked_for_go(small_file: Path, ran: Path) -> None:
+    figures = ran / "figures"
+    figures.mkdir()
+    stay = "study_b_thesis_1_planes.png"  # of a pair that is called so
+    for name in ("study_overlap.png", "random_bound.png", stay):
+        (figures / name).touch()
+    report(open_session(small_file, ran))
+    assert [file.name for file in figures.iterdir()] == [stay]
