@@ -22,6 +22,7 @@ from harness.studies.indices import (
     draw_indices,
     indices_conclusion,
     indices_table,
+    progress_table,
 )
 from harness.studies.overlap import draw_overlap, overlap_conclusion, overlap_table
 from harness.studies.ranking import draw_ranking, ranking_conclusion, ranking_table
@@ -30,20 +31,20 @@ from harness.tables.table import Table
 
 @dataclass(frozen=True)
 class Findings:
-    """Of a study: its tables, the answer's first, its figures by name, and two sentences.
+    """Of a study: its tables, the answer's first, and its figures by name.
 
-    The frame of a table holds the raw numbers of the figures that show it.
+    The frame of a table holds the raw numbers of the figures that show it; the note of the first
+    one is the conclusion, two lines.
     """
 
     tables: tuple[Table, ...]
     figures: Mapping[str, Callable[[], Figure]]
-    conclusion: tuple[str, str]
 
 
 def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
     """What the study of an experiment found; nothing is drawn before its figures are called.
 
-    rows: as store.load gives them. An incomplete design gets a conclusion that says so.
+    rows: as store.load gives them. An incomplete design gets a table that says so.
     """
     study, sweep = experiment.study, experiment.sweep
     if study is None:
@@ -54,7 +55,7 @@ def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
         try:
             table = indices_table(rows, sweep, names)
         except IncompleteError as error:
-            return Findings((), {}, (f"No indices yet: {error}.", "Run the rest first."))
+            return Findings((progress_table(error),), {})
         lines = indices_conclusion(table.frame)
         draws = {
             "indices": draw_indices,
@@ -82,7 +83,7 @@ def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
         draws = {"ranking": draw_ranking}
     note = " ".join(lines)
     figures = {name: partial(draw, table.frame, note) for name, draw in draws.items()}
-    return Findings((replace(table, note="\n" + "\n".join(lines)),), figures, lines)
+    return Findings((replace(table, note="\n" + "\n".join(lines)),), figures)
 
 
 def draw_study(findings: Findings, folder: Path) -> list[Path]:
