@@ -5,58 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from harness.store.file import FILE_NAME, Lock, StoreError, connect, packed, telling
+from harness.store.row import Row
 from harness.trials.specs import Trial
 
 if TYPE_CHECKING:  # it takes 0.4 s to import, which the first trial need not wait for
     import pandas as pd
 
-RowStatus = Literal["ok", "ambiguous", "underdetermined", "failed", "no_overlap", "error"]
-
 KNOWN_PARTS = 4096
-
-
-@dataclass(frozen=True)
-class Row:
-    """The outcome of one trial.
-
-    spec: its canonical JSON. T_exact, T_theoretical, T_estimated: T_target_source or None; the
-        theoretical one is what the arm's encoders say.
-    overlap_target, overlap_source: exact share of either view's points that the other sees.
-    bounds: Cramer-Rao bounds (2, 6, 6) of the pose, see harness.scoring.common_points.
-    counts: points, segments, patches and so on, by name.
-    stage_ms: wall times; all else is the same in every run.
-    stage: where the method stopped, as it says; "" where it does not.
-    notes: what the method says of its answer, of whatever status.
-    """
-
-    id: str
-    spec: str
-    status: RowStatus
-    reason: str = ""
-    traceback: str = ""
-    T_exact: RigidTransform | None = None
-    T_theoretical: RigidTransform | None = None
-    T_estimated: RigidTransform | None = None
-    rotation_error_deg: float | None = None
-    translation_error_mm: float | None = None
-    overlap_target: float | None = None
-    overlap_source: float | None = None
-    bounds: np.ndarray[Any, np.dtype[np.float64]] | None = None
-    covariance: np.ndarray[Any, np.dtype[np.float64]] | None = None
-    undetermined: np.ndarray[Any, np.dtype[np.float64]] | None = None
-    counts: dict[str, int] = field(default_factory=dict)
-    stage_ms: dict[str, float] = field(default_factory=dict)
-    stage: str = ""
-    notes: tuple[str, ...] = ()
 
 
 def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.DataFrame:
