@@ -61,6 +61,8 @@ def run_all(
     if redraw and not (session.folder / FILE_NAME).exists():
         raise StoreError(f"{session.folder / FILE_NAME} does not exist; run the experiment first")
     make_local = process_pool(workers)
+    # Before the store notes what is asked for: a request that is refused changes nothing.
+    make_executor = cluster_pool(scheduler) if scheduler else make_local
     start = time.perf_counter()
     with telling_disk(session.folder), Store(session.folder) as store:
         planned = plan(session, store, redraw)
@@ -75,7 +77,6 @@ def run_all(
         tell_left_out(console, session)
         tell_beyond_reach(console, session)
         tell_alike(console, session, planned)
-        make_executor = cluster_pool(scheduler) if scheduler and planned.tasks else make_local
         tally = Tally(len(planned.tasks))
         try:
             with reporting(console, tally) as reporter:
@@ -113,10 +114,10 @@ def run_all(
 
 
 def export(session: Session, file: Path) -> int:
-    """Write the rows at hand to one file; computes nothing."""
+    """Write the rows of all trials to one file; computes nothing. Raises StoreError."""
     from harness.store.export import export_rows  # it brings pandas
 
-    rows = export_rows(session.folder, file)
+    rows = export_rows(session.folder, file, {trial.id for trial in session.trials})
     print(f"{file}: {rows} rows")
     return EXIT_OK
 

@@ -13,7 +13,7 @@ from harness.report.page import Part
 from harness.report.run_page import text_of, write_page
 from harness.results import results_folder
 from harness.store import load
-from harness.tables.compare import changed_table, comparison_table, matched, summary
+from harness.tables.compare import changed_table, comparison_table, matched, summary, trial_count
 from harness.tables.table import write_tables
 
 
@@ -24,7 +24,11 @@ def compare(first: Path, second: Path, folder: Path | None) -> int:
     written.
     """
     rows = [load(each, specs=True, arrays=False) for each in (first, second)]
-    pairs = matched(*rows)
+    try:
+        pairs = matched(*rows)
+    except ValueError as error:
+        message = f"{first} and {second} do not match trial by trial: {error}"
+        raise ConfigError("--compare", (), message) from None
     if pairs.empty:
         raise ConfigError(
             "--compare", (), f"{first} and {second} have no trial in common: the same scene, "
@@ -36,8 +40,9 @@ def compare(first: Path, second: Path, folder: Path | None) -> int:
     tables = [table for table in tables if len(table.frame)]
     write_tables(tables, folder / "tables")
     figure = draw_comparison(pairs, names, folder / "figures" / "errors.png")
+    counts = [trial_count(each) for each in rows]
     sentence = (
-        f"{len(pairs)} trials in common, of {len(rows[0])} in {names[0]} and {len(rows[1])} in "
+        f"{len(pairs)} trials in common, of {counts[0]} in {names[0]} and {counts[1]} in "
         f"{names[1]}. {summary(pairs, names)}"
     )
     configs = [each / "config.yaml" for each in (first, second)]

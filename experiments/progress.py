@@ -12,7 +12,6 @@ from rich.table import Column
 
 from experiments.terminal import outcome, trial_name
 from harness.scoring.poses import COARSE
-from harness.store import Row
 from harness.workers.runner import Done
 
 # A line a trial where nobody watches a bar; of more trials, one now and then.
@@ -39,7 +38,7 @@ class Tally:
             return
         row = done.row
         self.computed += 1
-        self.right += _is_right(row)
+        self.right += row.right
         self.unanswered += row.status not in ("ok", "error")
         if row.status == "error":
             self.errors += 1
@@ -125,13 +124,3 @@ def duration(seconds: float) -> str:
     if minutes < 100:
         return f"{minutes} min"
     return f"{minutes // 60} h {minutes % 60} min"
-
-
-def _is_right(row: Row) -> bool:
-    return (
-        row.status == "ok"
-        and row.rotation_error_deg is not None
-        and row.translation_error_mm is not None
-        and row.rotation_error_deg <= COARSE.rotation_deg
-        and row.translation_error_mm <= COARSE.translation_mm
-    )

@@ -15,6 +15,7 @@ from harness.config.choices import installed_methods
 from harness.config.random_schema import RandomPairsExperiment
 from harness.config.reading import AnyExperiment, dump_yaml, load_experiment, overridden_mapping
 from harness.config.resolved import resolved_config, with_defaults
+from harness.figures.of_rows import forget_figures
 from harness.provenance import Sources, code_fingerprint, note_run
 from harness.report.record_paths import RECORDS
 from harness.results import results_folder
@@ -66,8 +67,8 @@ class Session:
 class Plan:
     """What is left to do: the tasks, each made when it is asked for.
 
-    missing: rows to compute. reused: trials that have their row. outdated: rows that other code
-    made. different: trials apart from those that are the same.
+    missing: rows to compute. reused: trials whose row is taken as it is. outdated: rows that other
+    code made. different: trials apart from those that are the same.
     """
 
     tasks: Sequence[Task]
@@ -104,7 +105,10 @@ def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
     """Note in the store what is asked for, and compare it with the rows at hand.
 
     The figures of repeat 0 go with their trial. redraw: compute no rows, draw all figures again.
+    Raises StoreError, and notes nothing, where there is no row to draw from.
     """
+    if redraw and not store.has_some(session.trials):
+        raise no_rows(session.folder)
     labels = session.drawn_labels
     scans = array("q")  # a number for the scans of each trial
     drawn: dict[int, Trial] = {}  # those that have figures, by position
@@ -137,9 +141,14 @@ def plan(session: Session, store: Store, redraw: bool = False) -> Plan:
         pictures, clouds = folders if position in drawn else (None, None)
         return Task(session.trials[position], bool(missing[position]), pictures, clouds, records)
 
-    reused = len(session.trials) if redraw else state.reused
+    reused = state.held if redraw else state.reused
     tasks = Lazy(len(positions), task)
     return Plan(tasks, int(missing.sum()), reused, state.outdated, state.different)
+
+
+def no_rows(folder: Path) -> StoreError:
+    """What is raised where a results folder has nothing of what is asked for."""
+    return StoreError(f"{folder} has no row of this configuration; run it first")
 
 
 def _side_by_side(keys: NDArray[np.int64]) -> NDArray[np.intp]:
@@ -190,7 +199,8 @@ def report(session: Session) -> list[Table]:
     experiment = session.experiment
     rows = load(session.folder, arrays=experiment.sweep is None)
     if rows.empty:
-        raise StoreError(f"{session.folder} has no row of this configuration; run it first")
+        raise no_rows(session.folder)
+    forget_figures(session.folder / "figures")
     if experiment.sweep is not None:
         tables = [sweep_table(rows)]
     elif isinstance(experiment, RandomPairsExperiment):

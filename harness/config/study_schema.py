@@ -61,6 +61,8 @@ class Study(Strict):
             raise ValueError(f"`names` has {unknown[0]}, which is not swept")
         if self.kind == "effects" and len(sweep.over) != 1:
             raise ValueError(f"a study of kind effects sweeps one key, not {len(sweep.over)}")
+        if self.kind == "indices" and len(sweep.over) < 2:
+            raise ValueError("a study of kind indices sweeps two keys or more: of one, it is all")
         if self.kind == "grid" and set(sweep.over) != {"scan.profiles", "scan.step_mm"}:
             raise ValueError("a study of kind grid sweeps scan.profiles and scan.step_mm")
         # Told now, not when thousands of trials have ended.

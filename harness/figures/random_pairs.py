@@ -13,6 +13,7 @@ from matplotlib.ticker import LogLocator
 from scipy.stats import chi2
 
 from harness.figures.looks import GREY
+from harness.figures.of_rows import RANDOM
 from harness.figures.page import add_axes, new_figure, page_style, save
 from harness.scoring.chance import wilson_interval
 from harness.scoring.normalised_errors import COUNTED, squared_distances
@@ -42,7 +43,7 @@ def draw_random_figures(rows: pd.DataFrame, folder: Path) -> list[Path]:
         with page_style():
             figure = draw(known)
             if figure is not None:
-                files.append(save(figure, folder / f"random_{name}.png"))
+                files.append(save(figure, folder / f"{RANDOM}{name}.png"))
     return files
 
 
@@ -204,7 +205,7 @@ def draw_calibration(rows: pd.DataFrame) -> Figure | None:
 
 def draw_times(rows: pd.DataFrame) -> Figure | None:
     """Distribution of the time of a registration, by method."""
-    if "ms_registration" not in rows:  # every trial ended in an error
+    if rows["ms_registration"].isna().all():  # no trial came as far
         return None
     legend_in = _legend_in(rows)
     figure = new_figure(

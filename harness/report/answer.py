@@ -48,7 +48,7 @@ def scores(rows: pd.DataFrame) -> list[Score]:
                 int(within(group, FINE).sum()),
                 observed_quantile(known["rotation_error_deg"].to_numpy(), 0.5),
                 observed_quantile(known["translation_error_mm"].to_numpy(), 0.5),
-                float(group["ms_registration"].median()) if "ms_registration" in group else np.nan,
+                float(group["ms_registration"].median()),
             )
         )
     return found

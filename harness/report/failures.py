@@ -118,15 +118,16 @@ def command_markup(command: str) -> str:
 def _mended(rows: pd.DataFrame, bad: pd.DataFrame) -> list[dict[str, bool]]:
     """For each bad row, whether the same trial succeeded with the truth at a stage, by stage."""
     given = rows[rows["given"] != ""]
+    key = ["pair", "method", "repeat", *(["sweep.point"] if "sweep.point" in rows else [])]
     right = dict(
         zip(
-            given[["pair", "method", "repeat", "given"]].itertuples(index=False, name=None),
+            given[[*key, "given"]].itertuples(index=False, name=None),
             within(given, COARSE).tolist(),
             strict=True,
         )
     )
     stages = list(given["given"].unique())
     return [
-        {stage: right[(*key, stage)] for stage in stages if (*key, stage) in right}
-        for key in bad[["pair", "method", "repeat"]].itertuples(index=False, name=None)
+        {stage: right[(*trial, stage)] for stage in stages if (*trial, stage) in right}
+        for trial in bad[key].itertuples(index=False, name=None)
     ]

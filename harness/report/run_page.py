@@ -12,6 +12,7 @@ import pandas as pd
 from harness.config.errors import ConfigError
 from harness.config.random_schema import RandomPairsExperiment
 from harness.config.reading import load_experiment
+from harness.figures.of_rows import STUDY
 from harness.report.answer import answer_sentence, answer_table, main_label
 from harness.report.failures import failures_markup, failures_table, replay_command
 from harness.report.offered import offered, worst_first
@@ -75,7 +76,7 @@ def run_part(
         sensor=[table for table in named if table.name in SENSOR_TABLES],
         figures=sorted(
             (session.folder / "figures").glob("*.png"),
-            key=lambda file: (not file.name.startswith("study_"), file.name),
+            key=lambda file: (not file.name.startswith(STUDY), file.name),
         ),
         failures=failures_markup(failures, command, records.keys(), folder, prefix),
         config=text_of(session.folder / "config.yaml"),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from harness.scoring.chance import wilson_interval
 from harness.scoring.poses import COARSE, FINE
 from harness.scoring.row_scores import within
-from harness.tables.sweeps import PREFIX, swept_keys
+from harness.tables.sweeps import PREFIX, plain_value, swept_keys
 from harness.trials.points import short_names
 
 MOST_POINTS = 1500  # that a reader and a browser can tell apart
@@ -64,7 +64,6 @@ def study(rows: pd.DataFrame, design: str, bars: Bars = quartiles) -> dict[str, 
     spreads = {
         short: bars(known.loc[good & known[column].notna().to_numpy(), column], places)
         for short, column in SPREADS.items()
-        if column in known
     }
     ids = known["id"].groupby(places).agg(list)
     shares = functools.cache(wilson_interval)
@@ -72,7 +71,7 @@ def study(rows: pd.DataFrame, design: str, bars: Bars = quartiles) -> dict[str, 
     for place, first in enumerate(by_point.first().reset_index().to_dict("records")):
         n = int(counts[place])
         point: dict[str, Any] = {
-            "values": [_plain(first[PREFIX + key]) for key in keys],
+            "values": [plain_value(first[PREFIX + key]) for key in keys],
             "varied": names.get(first["sweep.varied"], ""),
             "method": first["method"],
             "n": n,
@@ -95,10 +94,3 @@ def study(rows: pd.DataFrame, design: str, bars: Bars = quartiles) -> dict[str, 
             for name, t in (("fine", FINE), ("coarse", COARSE))
         },
     }
-
-
-def _plain(value: object) -> float | str:
-    """A swept value as a number, or as text where it is none."""
-    if isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool):
-        return float(value)
-    return str(value)

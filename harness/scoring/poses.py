@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -24,6 +24,10 @@ class Tolerance(NamedTuple):
     def __str__(self) -> str:
         """As captions and columns have it: "5 deg and 30 mm"."""
         return f"{self.rotation_deg:g} deg and {self.translation_mm:g} mm"
+
+    def holds(self, rotation_deg: Any, translation_mm: Any) -> Any:
+        """Whether errors are within it: numbers, or arrays or columns of as many; NaN is not."""
+        return (rotation_deg <= self.rotation_deg) & (translation_mm <= self.translation_mm)
 
 
 COARSE = Tolerance(5.0, 30.0)
@@ -68,11 +72,9 @@ def pose_error(T_exact: RigidTransform, T_estimated: RigidTransform) -> PoseErro
 
 def is_success(error: PoseError | None, tolerance: Tolerance) -> bool:
     """Whether an estimate exists and is within the tolerance; no estimate is no success."""
-    return (
-        error is not None
-        and np.rad2deg(error.rotation_rad) <= tolerance.rotation_deg
-        and error.translation_mm <= tolerance.translation_mm
-    )
+    if error is None:
+        return False
+    return bool(tolerance.holds(np.rad2deg(error.rotation_rad), error.translation_mm))
 
 
 def six_parameters(T_target_source: RigidTransform) -> FloatArray:

@@ -13,12 +13,9 @@ ERRORS = {"rotation_error_deg": "deg", "translation_error_mm": "mm"}
 
 def within(rows: pd.DataFrame, tolerance: Tolerance) -> BoolArray:
     """(n,) which rows are answered "ok" and within the tolerance."""
-    right = (
-        (rows["status"] == "ok")
-        & (rows["rotation_error_deg"] <= tolerance.rotation_deg)
-        & (rows["translation_error_mm"] <= tolerance.translation_mm)
-    )
-    return right.to_numpy(dtype=bool)
+    close = tolerance.holds(rows["rotation_error_deg"], rows["translation_error_mm"])
+    right: BoolArray = ((rows["status"] == "ok") & close).to_numpy(dtype=bool)
+    return right
 
 
 def error_quantiles(errors: pd.DataFrame) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 import pandas as pd
@@ -12,15 +13,22 @@ from harness.store.rows import load
 ENDINGS = (".parquet", ".csv")
 
 
-def export_rows(folder: Path, file: Path) -> int:
-    """Write the rows as store.load gives them, to .parquet or .csv; returns how many.
+def export_rows(folder: Path, file: Path, identities: Collection[str]) -> int:
+    """Write the rows of these trials as store.load gives them, to .parquet or .csv; how many.
 
     Units are in the names of the columns. The matrices are left out: poses are there as their six
-    parameters. Raises StoreError.
+    parameters. Raises StoreError, also where a trial has no row.
     """
     if file.suffix not in ENDINGS:
         raise StoreError(f"{file} should end in {' or '.join(ENDINGS)}")
     rows = load(folder, arrays=False)
+    rows = rows[rows["id"].isin(identities)]
+    asked, found = len(set(identities)), rows["id"].nunique()
+    if found < asked:
+        raise StoreError(
+            f"{folder} has rows of {found} of the {asked} different trials of this configuration; "
+            "run it first"
+        )
     try:
         if file.suffix == ".csv":
             rows.to_csv(file, index=False, lineterminator="\n")

@@ -27,6 +27,7 @@ MATRICES: dict[str, tuple[int, ...]] = {
 }
 ARRAYS = {ESTIMATED: (4, 4)} | MATRICES
 COUNTS, TIMES = "n_", "ms_"
+WHOLE_TIME = "ms_registration"  # a column even where no row has it
 PART = re.compile(r'\{"part":"([0-9a-f]{16})"\}')
 KINDS = ("exact", "theoretical", "estimated", "error")  # of the six parameters, by column
 FETCHED = 10_000  # rows at a time
@@ -43,9 +44,9 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
     Columns: id, pair, method, given, repeat, status, reason, traceback, stage, notes (a line each);
     rotation_error_deg, translation_error_mm; overlap_target, overlap_source (fractions); exact_*,
     theoretical_*, estimated_* and error_* of the six parameters (rotation_x_deg .. rotation_z_deg,
-    x_mm .. z_mm); n_* counts; ms_* wall times. Of a sweep also sweep.point, the number of the
-    point; sweep.varied, which key differs from the experiment (one_at_a_time only, else ""); and
-    sweep.<key> for every swept key, its value there.
+    x_mm .. z_mm); n_* counts; ms_* wall times, ms_registration always. Of a sweep also sweep.point,
+    the number of the point; sweep.varied, which key differs from the experiment (one_at_a_time
+    only, else ""); and sweep.<key> for every swept key, its value there.
 
     arrays: also T_exact, T_theoretical, T_estimated, (4, 4) matrices, and bounds, covariance and
     undetermined, or None. specs: also spec, all that determines the trial, as JSON. Raises
@@ -82,7 +83,10 @@ def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.Dat
         held = truly | {name: rows[name] for name in ARRAYS}
         blocks.append(pd.DataFrame(held, dtype=object))
     blocks.append(_spread(COUNTS, rows["count_names"], rows["counts"], names))
-    blocks.append(_spread(TIMES, rows["stage_names"], rows["stage_ms"], names))
+    times = _spread(TIMES, rows["stage_names"], rows["stage_ms"], names)
+    if WHOLE_TIME not in times:  # no trial came as far as the registration
+        times[WHOLE_TIME] = np.nan
+    blocks.append(times)
     exact, theoretical = (_six_parameters(truths[name])[truth] for name in TRUTHS)
     blocks.append(_parameters(exact, theoretical, rows["parameters"]))
     return pd.concat(blocks, axis=1)

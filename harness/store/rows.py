@@ -5,58 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from harness.store.file import FILE_NAME, Lock, StoreError, connect, packed, telling
+from harness.store.row import Row
 from harness.trials.specs import Trial
 
 if TYPE_CHECKING:  # it takes 0.4 s to import, which the first trial need not wait for
     import pandas as pd
 
-RowStatus = Literal["ok", "ambiguous", "underdetermined", "failed", "no_overlap", "error"]
-
 KNOWN_PARTS = 4096
-
-
-@dataclass(frozen=True)
-class Row:
-    """The outcome of one trial.
-
-    spec: its canonical JSON. T_exact, T_theoretical, T_estimated: T_target_source or None; the
-        theoretical one is what the arm's encoders say.
-    overlap_target, overlap_source: exact share of either view's points that the other sees.
-    bounds: Cramer-Rao bounds (2, 6, 6) of the pose, see harness.scoring.common_points.
-    counts: points, segments, patches and so on, by name.
-    stage_ms: wall times; all else is the same in every run.
-    stage: where the method stopped, as it says; "" where it does not.
-    notes: what the method says of its answer, of whatever status.
-    """
-
-    id: str
-    spec: str
-    status: RowStatus
-    reason: str = ""
-    traceback: str = ""
-    T_exact: RigidTransform | None = None
-    T_theoretical: RigidTransform | None = None
-    T_estimated: RigidTransform | None = None
-    rotation_error_deg: float | None = None
-    translation_error_mm: float | None = None
-    overlap_target: float | None = None
-    overlap_source: float | None = None
-    bounds: np.ndarray[Any, np.dtype[np.float64]] | None = None
-    covariance: np.ndarray[Any, np.dtype[np.float64]] | None = None
-    undetermined: np.ndarray[Any, np.dtype[np.float64]] | None = None
-    counts: dict[str, int] = field(default_factory=dict)
-    stage_ms: dict[str, float] = field(default_factory=dict)
-    stage: str = ""
-    notes: tuple[str, ...] = ()
 
 
 def load(folder: Path | str, specs: bool = False, arrays: bool = True) -> pd.DataFrame:
@@ -70,12 +33,14 @@ class RunState(NamedTuple):
     """What the store has of the present configuration, and what it has not.
 
     missing: positions of trials without a good row, the first of those that are the same.
-    reused: trials that have one. different: trials apart from those that are the same.
-    outdated: of these, how many have a row that other code computed.
+    reused: trials that have one. held: those that have any row, whatever computed it.
+    different: trials apart from those that are the same. outdated: of these, how many have a row
+    that other code computed.
     """
 
     missing: np.ndarray[Any, np.dtype[np.int64]]
     reused: int
+    held: int
     different: int
     outdated: int
 
@@ -140,6 +105,13 @@ class Store:
             of_point = None if point is None else point.number
             yield position, number, kind, trial.spec.repeat, of_point
 
+    def has_some(self, trials: Iterable[Trial]) -> bool:
+        """Whether there is a row of any of these trials; notes nothing."""
+        query = "SELECT 1 FROM ids JOIN trials USING (number) WHERE id = ?"
+        with telling(self.path):
+            rows = (self._connection.execute(query, (trial.id,)).fetchone() for trial in trials)
+            return any(row is not None for row in rows)
+
     def state(self, code: str) -> RunState:
         """How far the present configuration is computed by this code."""
         good = "code = ? AND status != 'error'"
@@ -147,11 +119,11 @@ class Store:
             "SELECT {} FROM run LEFT JOIN timings USING (number) LEFT JOIN trials USING (number) "
             "LEFT JOIN endings ON endings.number = ending"
         )
-        counts = f"count(*) FILTER (WHERE {good}), count(DISTINCT run.number), "
+        counts = f"count(*) FILTER (WHERE {good}), count(code), count(DISTINCT run.number), "
         counts += "count(DISTINCT run.number) FILTER (WHERE code != ?)"
         missing = f"min(position) AS first, {good} AS done"
         with telling(self.path):
-            reused, different, outdated = self._connection.execute(
+            reused, held, different, outdated = self._connection.execute(
                 query.format(counts), (code, code)
             ).fetchone()
             found = self._connection.execute(
@@ -160,7 +132,7 @@ class Store:
                 (code,),
             )
             positions = np.fromiter((first for (first,) in found), dtype=np.int64)
-        return RunState(positions, reused, different, outdated)
+        return RunState(positions, reused, held, different, outdated)
 
     def finished(self, code: str) -> set[str]:
         """Ids of the rows that this code computed and that are no errors."""

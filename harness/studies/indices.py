@@ -29,7 +29,11 @@ CELLS = 5  # of a map along either side
 
 
 class IncompleteError(ValueError):
-    """Some points of the design have no row; indices need all of them."""
+    """Some points of the design lack rows, so many do not; indices need all of them."""
+
+    def __init__(self, done: int, points: int) -> None:
+        super().__init__(f"{done} of {points} points of the design are complete")
+        self.done, self.points = done, points
 
 
 class Indices(NamedTuple):
@@ -84,7 +88,7 @@ def indices_table(rows: pd.DataFrame, sweep: Sweep, names: Mapping[str, str]) ->
         sizes = of_method.groupby("sweep.point").size()
         if len(outputs) != points or sizes.nunique() != 1:
             done = int((sizes == sizes.max()).sum())
-            raise IncompleteError(f"{done} of {points} points of the design are complete")
+            raise IncompleteError(done, points)
         trials = max(trials, len(of_method))
         for output, column in OUTPUTS.items():
             found = sobol_indices(sweep, outputs[column].to_numpy())
@@ -113,6 +117,15 @@ def indices_table(rows: pd.DataFrame, sweep: Sweep, names: Mapping[str, str]) ->
         frame,
         dict.fromkeys(columns, ".2f"),
     )
+
+
+def progress_table(error: IncompleteError) -> Table:
+    """What there is in place of the indices while the design is incomplete."""
+    frame = pd.DataFrame({"Points complete": [error.done], "of": [error.points]})
+    return Table(
+        "study_indices", "Sobol' indices", "Not yet.", frame, {"Points complete": "d", "of": "d"},
+        note=f"\nNo indices yet: {error}.\nRun the rest first.",
+    )  # fmt: skip
 
 
 def indices_conclusion(frame: pd.DataFrame) -> tuple[str, str]:

@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from harness.config.random_schema import RandomPairsExperiment
+from harness.figures.of_rows import STUDY
 from harness.figures.page import page_style, save
 from harness.studies.curves import curves_conclusion, curves_table, draw_errors, draw_success
 from harness.studies.effects import draw_effects, effects_conclusion, effects_table
@@ -21,30 +22,29 @@ from harness.studies.indices import (
     draw_indices,
     indices_conclusion,
     indices_table,
+    progress_table,
 )
 from harness.studies.overlap import draw_overlap, overlap_conclusion, overlap_table
 from harness.studies.ranking import draw_ranking, ranking_conclusion, ranking_table
 from harness.tables.table import Table
 
-FIGURE = "study_"  # how the files of the figures begin
-
 
 @dataclass(frozen=True)
 class Findings:
-    """Of a study: its tables, the answer's first, its figures by name, and two sentences.
+    """Of a study: its tables, the answer's first, and its figures by name.
 
-    The frame of a table holds the raw numbers of the figures that show it.
+    The frame of a table holds the raw numbers of the figures that show it; the note of the first
+    one is the conclusion, two lines.
     """
 
     tables: tuple[Table, ...]
     figures: Mapping[str, Callable[[], Figure]]
-    conclusion: tuple[str, str]
 
 
 def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
     """What the study of an experiment found; nothing is drawn before its figures are called.
 
-    rows: as store.load gives them. An incomplete design gets a conclusion that says so.
+    rows: as store.load gives them. An incomplete design gets a table that says so.
     """
     study, sweep = experiment.study, experiment.sweep
     if study is None:
@@ -55,7 +55,7 @@ def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
         try:
             table = indices_table(rows, sweep, names)
         except IncompleteError as error:
-            return Findings((), {}, (f"No indices yet: {error}.", "Run the rest first."))
+            return Findings((progress_table(error),), {})
         lines = indices_conclusion(table.frame)
         draws = {
             "indices": draw_indices,
@@ -83,7 +83,7 @@ def find(experiment: RandomPairsExperiment, rows: pd.DataFrame) -> Findings:
         draws = {"ranking": draw_ranking}
     note = " ".join(lines)
     figures = {name: partial(draw, table.frame, note) for name, draw in draws.items()}
-    return Findings((replace(table, note="\n" + "\n".join(lines)),), figures, lines)
+    return Findings((replace(table, note="\n" + "\n".join(lines)),), figures)
 
 
 def draw_study(findings: Findings, folder: Path) -> list[Path]:
@@ -92,5 +92,5 @@ def draw_study(findings: Findings, folder: Path) -> list[Path]:
     files = []
     for name, draw in findings.figures.items():
         with page_style():
-            files.append(save(draw(), folder / f"{FIGURE}{name}.png"))
+            files.append(save(draw(), folder / f"{STUDY}{name}.png"))
     return files

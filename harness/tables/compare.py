@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,13 @@ from scipy.stats import bootstrap, wilcoxon
 from harness.scoring.chance import FEWEST, LEVEL, sign_test
 from harness.scoring.poses import COARSE
 from harness.scoring.row_scores import ERRORS, within
+from harness.tables.sweeps import PREFIX, plain_value, swept_keys
 from harness.tables.table import Table
 from registration.scan import FloatArray
 
 RESAMPLES = 2000
+NAMED = ["pair", "method", "given", "repeat"]  # of a trial, besides what determines it
+MATCHED = ["key", "point", *NAMED]
 
 
 def matched(one: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
@@ -24,21 +27,36 @@ def matched(one: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
 
     one, other: rows as store.load gives them with specs. Trials match when everything but the
     method's parameters is equal: the same scans, and a method of the same label; so a changed
-    program and a changed parameter can both be judged.
+    program and a changed parameter can both be judged. Of sweeps, points match by the keys that
+    both sweep. Raises ValueError where a trial would have several partners.
     """
-    left, right = (_keyed(rows) for rows in (one, other))
-    return left.merge(right, on=["key", "pair", "method", "given", "repeat"], suffixes=("_a", "_b"))
+    keys = swept_keys(one), swept_keys(other)
+    shared = [key for key in keys[0] if key in keys[1]]
+    left, right = (_keyed(rows, shared) for rows in (one, other))
+    if any(rows.duplicated(MATCHED).any() for rows in (left, right)):
+        differing = ", ".join(sorted(set(keys[0]) ^ set(keys[1])))
+        raise ValueError(f"several trials of one of them differ in {differing} only")
+    pairs = left.merge(right, on=MATCHED, suffixes=("_a", "_b"), validate="one_to_one")
+    # Where a swept key says nothing to a method, its points have one trial, not as many.
+    names = ["id_a", "id_b", *NAMED]
+    return pairs.drop_duplicates(names, ignore_index=True)
 
 
-def _keyed(rows: pd.DataFrame) -> pd.DataFrame:
+def trial_count(rows: pd.DataFrame) -> int:
+    """How many different trials there are, those that points of a sweep share counted once."""
+    return len(rows.drop_duplicates(["id", *NAMED]))
+
+
+def _keyed(rows: pd.DataFrame, swept: Sequence[str]) -> pd.DataFrame:
     known = rows.copy()
     known["right"] = within(known, COARSE)
     known["key"] = [_without_method(spec) for spec in known["spec"]]
-    if "ms_registration" not in known:
-        known["ms_registration"] = np.nan
-    names = ["key", "id", "pair", "method", "given", "repeat", "status", "reason", "right",
-             "ms_registration", *ERRORS]  # fmt: skip
-    return known[names]
+    # Of a method's parameters only the sweep tells, as the spec is without them.
+    values = [[plain_value(value) for value in known[PREFIX + key]] for key in swept]
+    varied = known["sweep.varied"] if "sweep.varied" in known else [""] * len(known)
+    known["point"] = [json.dumps(point) for point in zip(varied, *values, strict=True)]
+    names = [*MATCHED, "id", "status", "reason", "right", "ms_registration", *ERRORS]
+    return known[names].drop_duplicates([*MATCHED, "id"])
 
 
 def _without_method(spec: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from harness.scoring.chance import wilson_interval
@@ -20,6 +21,13 @@ def swept_keys(rows: pd.DataFrame) -> list[str]:
     columns = (str(name) for name in rows.columns if str(name).startswith(PREFIX))
     keys = [name.removeprefix(PREFIX) for name in columns]
     return [key for key in keys if key not in ("point", "varied")]
+
+
+def plain_value(value: object) -> float | str:
+    """A swept value as a number, or as text where it is none."""
+    if isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool):
+        return float(value)
+    return str(value)
 
 
 def sweep_table(rows: pd.DataFrame) -> Table:

@@ -74,7 +74,8 @@ def _record(rows: pd.DataFrame, label: str, plain: str) -> dict[str, Any]:
     """One line, with what the conclusion needs beside."""
     key = ["pair", "repeat"]
     ours, theirs = (rows[rows["method"] == m].set_index(key) for m in (label, plain))
-    theirs = theirs.loc[ours.index]
+    both = ours.index.intersection(theirs.index, sort=False)  # a run may have been interrupted
+    ours, theirs = ours.loc[both], theirs.loc[both]
     right, before = within(ours, COARSE), within(theirs, COARSE)
     gained, lost = int((right & ~before).sum()), int((~right & before).sum())
     record: dict[str, Any] = {

@@ -17,6 +17,16 @@ from harness.config.sweep_schema import Sweep
     [
         ("curves", {}, None, "needs a sweep of design one_at_a_time, there is none"),
         ("indices", {}, {"over": {"a": [1]}}, "needs a sweep of design saltelli, not product"),
+        (
+            "indices",
+            {},
+            {
+                "design": "saltelli",
+                "samples": 2,
+                "over": {"a": {"distribution": "uniform", "from": 0, "to": 1}},
+            },
+            "sweeps two keys or more",
+        ),
         ("overlap", {}, {"over": {"a": [1]}}, "has no sweep; take `sweep` out"),
         ("ranking", {"a": "b"}, None, "`names` says nothing"),
         ("effects", {}, {"over": {"a": [1], "b": [1]}}, "sweeps one key, not 2"),

@@ -9,6 +9,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from harness.scoring import six_parameters
+from harness.scoring.poses import COARSE
+from harness.scoring.row_scores import within
 from harness.session import open_session
 from harness.store import FILE_NAME, Row, Store, StoreError, load
 
@@ -171,7 +173,7 @@ def test_the_state_tells_what_is_missing_reused_and_of_other_code(
         store.add(example_row("of no trial"), "old")
         state = store.state("new")
     assert state.missing.tolist() == [0, 2]
-    assert (state.reused, state.different, state.outdated) == (1, 3, 1)
+    assert (state.reused, state.held, state.different, state.outdated) == (1, 4, 3, 1)
 
 
 def test_trials_that_end_alike_keep_what_is_their_own(small_file: Path, tmp_path: Path) -> None:
@@ -194,3 +196,30 @@ def test_trials_that_end_alike_keep_what_is_their_own(small_file: Path, tmp_path
         whole = connection.execute("SELECT id, traceback FROM whole_rows").fetchall()
     assert alike == 2
     assert dict(whole) == {row.id: row.traceback for row in rows}
+
+
+def test_rows_without_any_registration_have_its_time_too(small_file: Path, tmp_path: Path) -> None:
+    trials = open_session(small_file, None).trials
+    with Store(tmp_path) as store:
+        store.begin(trials)
+        assert list(load(tmp_path)["ms_registration"]) == []
+        store.add(Row(trials[0].id, "{}", "no_overlap", stage_ms={"scan": 1.0}), "code")
+    (record,) = load(tmp_path).to_dict("records")
+    assert np.isnan(record["ms_registration"])
+    assert record["ms_scan"] == 1.0
+
+
+def test_a_row_is_right_where_tables_count_it_so(small_file: Path, tmp_path: Path) -> None:
+    trials = open_session(small_file, None).trials
+    ok = replace(example_row(trials[0].id), rotation_error_deg=5.0, translation_error_mm=30.0)
+    rows = [
+        ok,
+        replace(ok, id=trials[1].id, translation_error_mm=30.1),
+        replace(ok, id=trials[2].id, status="ambiguous"),
+        Row(trials[3].id, "{}", "failed"),
+    ]
+    with Store(tmp_path) as store:
+        store.begin(trials)
+        store.add_all(rows, "code")
+    assert [row.right for row in rows] == [True, False, False, False]
+    assert within(load(tmp_path), COARSE).tolist() == [True, False, False, False]

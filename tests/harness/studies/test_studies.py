@@ -60,6 +60,11 @@ def concluded(name: str, pairs: int, works: Any, **changes: Any) -> Findings:
     return find(experiment(name, **changes), rows_of(name, pairs, works, **changes))
 
 
+def conclusion(found: Findings) -> list[str]:
+    """The two lines under the first table, which the terminal and the page show."""
+    return found.tables[0].note.strip().splitlines()
+
+
 def test_the_studies_are_shipped() -> None:
     assert STUDIES == [
         "leaderboard", "noise", "overlap", "sensitivity", "sensitivity_sobol", "step_profiles",
@@ -78,18 +83,27 @@ def test_indices_name_the_parameter_that_decides(name: str) -> None:
     assert sweep is not None
     small = sweep.model_copy(update={"samples": 32})
     found = concluded("sensitivity_sobol", 3, lambda _, s, n: s[key] > middle, sweep=small)
-    assert f"depends most on {name} (total index" in found.conclusion[0]
+    assert f"depends most on {name} (total index" in conclusion(found)[0]
+
+
+def test_an_incomplete_design_is_told_in_the_place_of_its_indices() -> None:
+    sweep = experiment("sensitivity_sobol").sweep
+    assert sweep is not None
+    small = sweep.model_copy(update={"samples": 32})
     rows = rows_of("sensitivity_sobol", 3, lambda _, s, n: n > 0, sweep=small)
     unfinished = find(experiment("sensitivity_sobol", sweep=small), rows.iloc[:-1])
-    assert "255 of 256 points" in unfinished.conclusion[0]
-    assert not unfinished.tables
+    told = "No indices yet: 255 of 256 points of the design are complete."
+    assert conclusion(unfinished) == [told, "Run the rest first."]
+    (line,) = unfinished.tables[0].text()
+    assert line == ["255", "256"]
+    assert not unfinished.figures
 
 
 @pytest.mark.parametrize("name", list(KEYS))
 def test_curves_name_the_parameter_that_decides(name: str) -> None:
     key = KEYS[name]
     found = concluded("sensitivity", 12, lambda _, s, n: key not in s or (s[key] < 0.6 and n > 0))
-    first, second = found.conclusion
+    first, second = conclusion(found)
     assert f"hangs most on {name}" in first
     if name == "WARP":
         assert second.endswith("worse: WARP 1, 1.42, 2, 2.83, 5.66, 8, 11.3, 16.")
@@ -101,8 +115,8 @@ def test_the_grid_frames_the_best_step() -> None:
     step = "sweep.scan.step_mm".removeprefix("sweep.")
     for best in (2.5, 10.0):
         found = concluded("step_profiles", 12, lambda _, s, n, b=best: s[step] == b or n < 1)
-        assert f"60 profiles {best:g} mm" in found.conclusion[0]
-        assert "[" not in found.conclusion[0].partition(": ")[2]
+        assert f"60 profiles {best:g} mm" in conclusion(found)[0]
+        assert "[" not in conclusion(found)[0].partition(": ")[2]
 
 
 def test_overlap_says_from_where_on_it_is_enough() -> None:
@@ -110,11 +124,11 @@ def test_overlap_says_from_where_on_it_is_enough() -> None:
         return method == "gauss_sphere" or number >= 60
 
     found = concluded("overlap", 120, works)
-    assert "gauss_sphere 100% and 100%, 90% or more from 10% on" in found.conclusion[0]
-    assert "thesis 0% and 100%, 90% or more from 50% on" in found.conclusion[0]
-    assert "gauss_sphere rises" in found.conclusion[1]
+    assert "gauss_sphere 100% and 100%, 90% or more from 10% on" in conclusion(found)[0]
+    assert "thesis 0% and 100%, 90% or more from 50% on" in conclusion(found)[0]
+    assert "gauss_sphere rises" in conclusion(found)[1]
     turned = concluded("overlap", 120, lambda m, s, n: works(m, s, 119 - n))
-    assert "thesis 100% and 0%, nowhere 90%" in turned.conclusion[0]
+    assert "thesis 100% and 0%, nowhere 90%" in conclusion(turned)[0]
 
 
 @pytest.mark.parametrize("effect", ["bulge", "ghosts"])
@@ -125,7 +139,7 @@ def test_effects_name_the_one_that_harms(effect: str) -> None:
             name.startswith("only ") and (name != f"only {effect}")
         )
 
-    first, second = concluded("noise", 12, works).conclusion
+    first, second = conclusion(concluded("noise", 12, works))
     assert f"thesis (30.0 mm with all, 1.1 with none): {effect} (-28.9)" in first
     assert f"thesis {effect} (+28.9), twice as large" in second
 
@@ -135,9 +149,16 @@ def test_the_ranking_names_the_best(best: str) -> None:
     methods = experiment("leaderboard").methods[1:3]
     methods = (methods[0].model_copy(update={"label": "gauss_sphere"}), methods[1])
     found = concluded("leaderboard", 30, lambda m, s, n: m == best or n < 3, methods=methods)
-    assert f"Most often right: {best}, 100% of 30 pairs" in found.conclusion[0]
-    assert found.conclusion[0].endswith("none.")
-    assert f"{best} is the most exact" in found.conclusion[1]
+    assert f"Most often right: {best}, 100% of 30 pairs" in conclusion(found)[0]
+    assert conclusion(found)[0].endswith("none.")
+    assert f"{best} is the most exact" in conclusion(found)[1]
+
+
+def test_a_ranking_without_any_registration_is_drawn(tmp_path: Path) -> None:
+    rows = rows_of("leaderboard", 6, lambda _m, _s, _n: False).assign(ms_registration=np.nan)
+    found = find(experiment("leaderboard"), rows)
+    assert found.tables[0].frame["Median time (ms)"].isna().all()
+    assert draw_study(found, tmp_path)
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -149,8 +170,8 @@ def test_figures_are_not_blank(name: str, tmp_path: Path) -> None:
     if sweep is not None and sweep.samples:
         changes = {"sweep": sweep.model_copy(update={"samples": 4})}
     found = concluded(name, 12, lambda m, s, n: (len(str(s)) + n) % 3 > 0, **changes)
-    assert all(found.conclusion)
-    assert all(line in found.tables[0].legend for line in found.conclusion)
+    assert all(conclusion(found))
+    assert all(line in found.tables[0].legend for line in conclusion(found))
     files = draw_study(found, tmp_path)
     assert len(files) == len(found.figures)
     for file in files:
@@ -170,19 +191,19 @@ def test_what_chance_may_have_made_is_told_so() -> None:
         return number > (9 if shown.get(warp) == 1 or shown.get(cliff) == 40 else 3)
 
     found = concluded("sensitivity", 12, works)
-    assert "not told apart: CLIFF), least on" in found.conclusion[0]
+    assert "not told apart: CLIFF), least on" in conclusion(found)[0]
     found = concluded("step_profiles", 12, lambda _m, _s, number: number > 5)
-    assert "gauss_sphere: 15 profiles any of them" in found.conclusion[0]
-    assert "gains 0 trials and loses 0, not beyond chance" in found.conclusion[1]
+    assert "gauss_sphere: 15 profiles any of them" in conclusion(found)[0]
+    assert "gains 0 trials and loses 0, not beyond chance" in conclusion(found)[1]
     found = concluded("noise", 12, lambda _m, _s, number: number > 5)
-    assert "one effect alone: gauss_sphere none, twice as large none" in found.conclusion[1]
+    assert "one effect alone: gauss_sphere none, twice as large none" in conclusion(found)[1]
     found = concluded("leaderboard", 12, lambda _m, _s, _n: True)
-    assert "mm; not told apart: " in found.conclusion[1]
+    assert "mm; not told apart: " in conclusion(found)[1]
 
 
 def test_a_figure_has_its_conclusion_at_its_foot() -> None:
     found = concluded("overlap", 60, lambda m, s, n: n % 4 > 0)
     with page_style():
         texts = [text.get_text() for text in found.figures["overlap"]().texts]
-    words = " ".join(found.conclusion)
+    words = " ".join(conclusion(found))
     assert words in [" ".join(text.split()) for text in texts]

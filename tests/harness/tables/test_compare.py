@@ -18,6 +18,7 @@ from harness.tables.compare import (
     matched,
     median_difference,
     summary,
+    trial_count,
 )
 
 NAMES = ("before", "after")
@@ -84,6 +85,42 @@ def test_trials_match_by_scans_and_label_whatever_the_parameters() -> None:
     changed = changed_table(pairs, NAMES).frame
     assert list(changed["Trial in before"]) == ["old1", "old2"]  # lost, then won
     assert "3 of 4 right in before, 3 in after (p 1)" in summary(pairs, NAMES)
+
+
+def swept(column: str, errors_mm: dict[float, float], params: str) -> pd.DataFrame:
+    """Rows of two repeats at each value of a parameter of the method, each off by that much."""
+    blocks = [
+        rows([error, error + 0.1], f"{params} {value}").assign(
+            **{"sweep.point": point, "sweep.varied": "", f"sweep.{column}": value}
+        )
+        for point, (value, error) in enumerate(errors_mm.items())
+    ]
+    return pd.concat(blocks, ignore_index=True)
+
+
+def test_points_of_sweeps_match_by_what_is_swept() -> None:
+    before = swept("m.n", {3: 1.0, 4: 5.0}, "old")
+    after = swept("m.n", {4.0: 4.0, 3.0: 1.0, 7.0: 9.0}, "new")
+    pairs = matched(before, after)
+    assert [(a[4], b[4]) for a, b in zip(pairs["id_a"], pairs["id_b"], strict=True)] == [
+        ("3", "3"), ("3", "3"), ("4", "4"), ("4", "4"),
+    ]  # fmt: skip
+    assert list(pairs["repeat"]) == [0, 1, 0, 1]
+
+
+def test_a_trial_that_several_points_share_counts_once() -> None:
+    before, after = (swept("other.n", {3: 1.0, 4: 5.0}, name) for name in ("old", "new"))
+    for each in (before, after):
+        each["id"] = [f"of repeat {repeat}" for repeat in each["repeat"]]
+    assert list(matched(before, after)["repeat"]) == [0, 1]
+    assert trial_count(before) == 2
+
+
+def test_a_trial_with_several_partners_is_refused() -> None:
+    before, after = rows([1.0, 2.0], "old"), swept("m.n", {3: 1.0, 4: 5.0}, "new")
+    with pytest.raises(ValueError, match=r"several trials .* differ in m\.n only"):
+        matched(before, after)
+    assert len(matched(before, after[after["sweep.point"] == 0])) == 2
 
 
 def test_the_command_compares_two_runs(

@@ -59,3 +59,21 @@ def test_trials_are_compared_on_the_same_scans() -> None:
 
 def test_methods_that_stand_alone_have_no_variants() -> None:
     assert variant_tables(METHODS[1:], rows_of({"better": [True]}, {"better": 1.0}), False) == []
+
+
+def test_variants_of_which_none_was_timed_get_their_table() -> None:
+    rows = rows_of({"plain": [False] * 2, "better": [False] * 2}, {})
+    rows["ms_registration"] = np.nan
+    (table,) = variant_tables(METHODS, rows, random=False)
+    assert list(table.frame["Time, ratio"]) == [""] * len(table.frame)
+
+
+def test_trials_that_only_one_variant_has_are_left_out() -> None:
+    rows = rows_of({"plain": [True] * 2, "better": [True] * 2}, {"plain": 8.0, "better": 2.0})
+    for method in ("plain", "better"):
+        lost = (rows["method"] == method) & (rows["repeat"] == 0) & (rows["pair"] == "pair 0")
+        (table,) = variant_tables(METHODS, rows[~lost], random=False)
+        line = table.frame.set_index(["Pairs", "Method"]).loc[("all", "better")]
+        assert line["Trials"] == line["Both right"] == 1
+    (table,) = variant_tables(METHODS, rows[rows["method"] == "better"], random=False)
+    assert table.frame.set_index(["Pairs", "Method"]).loc[("all", "better"), "Trials"] == 0
