@@ -19,11 +19,29 @@ from harness.config.schema import Experiment, MethodChoice
 
 AnyExperiment = Experiment | RandomPairsExperiment
 
+LONGEST = 40  # characters of a value that a message repeats
+
 
 class _Loader(yaml.SafeLoader):
-    """The safe loader, refusing a key that is written twice."""
+    """The safe loader, refusing a key that is written twice, and telling what cannot be built."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            value = super().construct_object(node, deep)
+            if isinstance(value, int):
+                str(value)  # JSON has to write it, and there is a limit to the digits
+        except (ValueError, AttributeError, LookupError, ArithmeticError):
+            # As a date of month 13: what Python says of it would not help.
+            text = str(node.value)
+            shown = repr(text if len(text) <= LONGEST else f"{text[:LONGEST]}...")
+            kind = node.tag.rpartition(":")[2]
+            problem = f"{shown} cannot be read as {kind}; text goes in quotes"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark) from None
+        return value
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        if not isinstance(node, yaml.MappingNode):  # `!!map` before something else
+            return super().construct_mapping(node, deep)
         seen: set[Any] = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
@@ -88,7 +106,7 @@ def experiment_kind(path: Path) -> str:
 def read_mapping(path: Path) -> dict[str, Any]:
     """The mapping that a YAML file holds, unchecked but for duplicate keys; raises ConfigError."""
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+        data = _parsed(path.read_text(encoding="utf-8"))
     except OSError as error:
         beside = sorted(p.stem for p in path.parent.glob("*.yaml")) if path.parent.is_dir() else []
         reason = error.strerror or "cannot be read"
@@ -96,8 +114,8 @@ def read_mapping(path: Path) -> dict[str, Any]:
         raise ConfigError(path, (), f"{reason[0].lower()}{reason[1:]}{hint}") from None
     except UnicodeDecodeError:
         raise ConfigError(path, (), "is not a text file in UTF-8") from None
-    except yaml.YAMLError as error:
-        raise ConfigError(path, (), f"is not valid YAML: {_one_line(error)}") from None
+    except _NotYAMLError as error:
+        raise ConfigError(path, (), f"is not valid YAML: {error}") from None
     if not isinstance(data, dict):
         raise ConfigError(path, (), "should hold keys and values; see the files in configs/")
     return data
@@ -141,6 +159,20 @@ def _not_json(data: Any, key: Key) -> Iterator[tuple[Key, Any]]:
         yield key, data
 
 
+class _NotYAMLError(Exception):
+    """A text that YAML cannot read; the message is part of a line."""
+
+
+def _parsed(text: str) -> Any:
+    """What a text in YAML holds; raises _NotYAMLError."""
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise _NotYAMLError(_one_line(error)) from None
+    except RecursionError:
+        raise _NotYAMLError("it nests too deep") from None
+
+
 def _one_line(error: yaml.YAMLError) -> str:
     if isinstance(error, yaml.MarkedYAMLError):
         where = f" (line {error.problem_mark.line + 1})" if error.problem_mark else ""
@@ -156,9 +188,9 @@ def _overridden(data: dict[str, Any], override: str, path: Path) -> dict[str, An
             path, (), f"--set {override!r} should read key=value, as scan.profiles=40"
         )
     try:
-        value = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise ConfigError(path, (dotted,), f"--set: {_one_line(error)}") from None
+        value = _parsed(text)
+    except _NotYAMLError as error:
+        raise ConfigError(path, (dotted,), f"--set: is not valid YAML: {error}") from None
 
     def problem(message: str) -> ConfigError:
         return ConfigError(path, (dotted,), f"--set: {message}")

@@ -115,6 +115,22 @@ def refusal(file: Path, *overrides: str) -> str:
         ),
         ("methods.1.name=thesis", "methods.1.name: --set: '1' is no index from 0 to 0"),
         ("seed.x=3", "seed.x: --set: nothing called 'x' can lie in a value"),
+        (
+            "title=2020-13-45",
+            "title: --set: is not valid YAML: '2020-13-45' cannot be read as timestamp; text goes "
+            "in quotes (line 1)",
+        ),
+        (
+            "scan={line: vertical, low_mm: -1.7e+308, high_mm: 1.7e+308, step_mm: 1.0}",
+            "scan: from low_mm -1.7e+308 to high_mm 1.7e+308 in steps of 1 mm there are more than "
+            "10000 profiles",
+        ),
+        (
+            "sweep={design: sobol, samples: 2, over: {seed: {distribution: integers, from: 0, "
+            "to: 18446744073709551616}}}",
+            "sweep.over.seed.to: should lie within 2**53 = 9007199254740992 of 0, not "
+            "18446744073709551616",
+        ),
         ("profiles", "--set 'profiles' should read key=value, as scan.profiles=40"),
     ],
 )
@@ -146,6 +162,37 @@ def test_a_file_that_is_no_configuration_gets_one_line(
     file = tmp_path / "broken.yaml"
     file.write_text(text, encoding="utf-8")
     assert refusal(file).startswith(message)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "2020-13-45",
+        "0x_",
+        "0b_",
+        "9" * 5000,
+        "0x" + "f" * 5000,
+        "!!int foo",
+        "!!int _",
+        "!!bool foo",
+        "!!timestamp foo",
+        "!!map foo",
+        "[" * 3000,
+    ],
+    ids=lambda value: value[:20],
+)
+def test_a_value_that_yaml_cannot_build_gets_one_line(small_file: Path, value: str) -> None:
+    assert refusal(small_file, f"title={value}").startswith("title: --set: is not valid YAML: ")
+    small_file.write_text(f"title: {value}\n", encoding="utf-8")
+    told = refusal(small_file)
+    assert told.startswith("is not valid YAML: ")
+    assert len(told) < 200
+
+
+def test_numbers_too_large_for_a_count_are_told(small_file: Path) -> None:
+    huge = "1" + "0" * 400
+    scan = f"scan={{line: vertical, low_mm: 0, high_mm: {huge}, step_mm: 1}}"
+    assert refusal(small_file, scan) == "scan: low_mm, high_mm or step_mm is too large a number"
 
 
 def test_a_missing_file_names_its_neighbour(small_file: Path) -> None:
