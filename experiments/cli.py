@@ -66,11 +66,13 @@ def _main(options: argparse.Namespace) -> int:
             raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     except ConfigError as error:
         return _refuse(error)
+    from harness.results import RESULTS, telling_disk
     from harness.store import StoreError
     from harness.workers.cluster import ClusterError
 
     try:
-        return _run(options, experiment)
+        with telling_disk(options.out or RESULTS):
+            return _run(options, experiment)
     except (ConfigError, StoreError, ClusterError) as error:
         return _refuse(error)
 
@@ -118,6 +120,7 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
     from experiments.discussion import replay_asked, run_discussion
     from experiments.discussion_trials import KIND as DISCUSSION
     from harness.config.errors import ConfigError
+    from harness.results import RESULTS, telling_disk
     from harness.store import StoreError
 
     for name in NEED_TRIALS:
@@ -136,7 +139,8 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
         run = RUNS[kind]
         if kind == DISCUSSION:
             run = partial(run_discussion, workers=options.workers)
-        show_run(run, *request)
+        with telling_disk(options.out or RESULTS):
+            show_run(run, *request)
     except StoreError as error:
         return _refuse(error)
     except KeyboardInterrupt:
@@ -147,6 +151,7 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
 
 def _run_chapters(options: argparse.Namespace) -> int:
     from harness.config.errors import ConfigError
+    from harness.results import RESULTS, telling_disk
     from harness.store import StoreError
 
     if options.show_scene is not None:
@@ -167,7 +172,8 @@ def _run_chapters(options: argparse.Namespace) -> int:
             return replay_part(*request, options.trial)
         if options.dry_run:
             return rehearse_chapters(*request, options.workers)
-        return run_chapters(*request, options.workers, options.report_only)
+        with telling_disk(options.out or RESULTS):
+            return run_chapters(*request, options.workers, options.report_only)
     except StoreError as error:
         return _refuse(error)
 

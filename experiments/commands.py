@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -26,7 +24,7 @@ from experiments.terminal import (
 from harness.config.errors import ConfigError, nearest
 from harness.config.reading import AnyExperiment
 from harness.config.schema import Experiment
-from harness.results import results_folder
+from harness.results import check_folder, results_folder, telling_disk
 from harness.scoring import six_parameters
 from harness.session import Plan, Session, draw_whole, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load
@@ -38,8 +36,6 @@ from harness.workers.pool import process_pool
 from sensors import SENSORS
 
 Show = Callable[[list[Table]], object]
-# Of a file system that is full, over quota, for reading only, or not ours.
-DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG)
 LITTLE_OVERLAP = 0.1  # where a failure is put down to it
 MANY_POINTS = 20_000  # of a sweep, to check which takes seconds
 
@@ -121,20 +117,6 @@ def export(session: Session, file: Path) -> int:
     return EXIT_OK
 
 
-@contextmanager
-def telling_disk(folder: Path) -> Iterator[None]:
-    """A disk that is full or may not be written to becomes one line, with the way out."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in DISK_ERRORS:
-            raise
-        raise StoreError(
-            f"{error.filename or folder} cannot be written ({error.strerror}); the rows so far are "
-            "kept: make room, or give another folder with --out"
-        ) from None
-
-
 def replay(trials: Sequence[Trial], identity: str) -> int:
     """Perform one trial in this process and print its row; writes nothing."""
     from harness.execution import perform
@@ -177,6 +159,8 @@ def show_scene(
 
     if name not in SCENES:
         raise ConfigError("--show-scene", (), f"unknown scene {name!r}; {nearest(name, SCENES)}")
+    path = results_folder(folder, "scenes") / f"{name}.png"
+    check_folder(path.parent)
     params, outlines = SCENES[name].params_type(), None
     if config is not None:
         session = open_session(config, folder, overrides)
@@ -192,7 +176,6 @@ def show_scene(
         sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
         views = {view.name: view for each in specs for view in (each.source, each.target)}
         outlines = {key: sensor.outline(spec.path(view)) for key, view in views.items()}
-    path = results_folder(folder, "scenes") / f"{name}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
     save_picture(SCENES[name].builder(params), path, outlines)
     print(path)

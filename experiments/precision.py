@@ -20,7 +20,7 @@ from harness.config.reading import dump_yaml, overridden_mapping, validated
 from harness.config.schema import Angle, Choice, Length, ScanSize
 from harness.config.strict import Strict
 from harness.provenance import code_fingerprint, note_run
-from harness.results import results_folder
+from harness.results import check_folder, results_folder
 from harness.tables.card import as_table, geometry_table
 from harness.tables.table import Table, write_tables
 from registration.calibration import Calibration
@@ -151,6 +151,8 @@ def run_precision(
     from experiments.precision_figures import draw_precision
 
     experiment, params = load_precision(path, overrides, seed)
+    folder = results_folder(folder, path.stem)
+    check_folder(folder)
     measured = measure(experiment, params)
     command = f"run-experiment configs/{path.name}, seed {experiment.seed}"
     try:
@@ -163,7 +165,6 @@ def run_precision(
         forms_table(calibration),
         residual_table(measured, calibration),
     ]
-    folder = results_folder(folder, path.stem)
     folder.mkdir(parents=True, exist_ok=True)
     resolved: dict[str, Any] = experiment.model_dump(mode="json")
     resolved["sensor"]["params"] = json.loads(json.dumps(dataclasses.asdict(params)))

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +53,67 @@ def test_a_wrong_request_gets_one_line_and_writes_nothing(
     assert shown.err.count("\n") == 1
     assert all(part in shown.err for part in parts), shown.err
     assert list(elsewhere.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "request_words",
+    [
+        ["--compare", "before", "after"],
+        ["--show-scene", "desk"],
+        [str(ROOT / "configs" / "precision.yaml")],
+        [str(ROOT / "configs" / "foam_2d.yaml")],
+        [str(ROOT / "configs" / "thesis.yaml")],
+    ],
+)
+def test_a_results_folder_that_cannot_be_made_is_told_before_anything_is_computed(
+    request_words: list[str],
+    elsewhere: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def computing(*_: object) -> None:
+        raise AssertionError("nothing should be computed")
+
+    for name in ("precision.measure", "profile_pairs.measure", "run_chapters._run_part"):
+        monkeypatch.setattr(f"experiments.{name}", computing)
+    (elsewhere / "taken").touch()
+    (elsewhere / "link").symlink_to("nowhere")
+    for out, why in (
+        ("taken", "taken is a file"),
+        ("taken/below", "taken is a file"),
+        ("link", "link is a link that leads nowhere"),
+        ("a" * 300, "File name too long"),
+    ):
+        assert main([*request_words, "--out", out]) == 2
+        told = capsys.readouterr().err
+        assert told.startswith(f"run-experiment: --out: {out} cannot be a results folder: ")
+        assert told.endswith(f"{why}; give another\n")
+
+
+@pytest.mark.parametrize(
+    ("step", "request_words"),
+    [
+        ("experiments.compare_runs.load", ["--compare", "before", "after"]),
+        ("scenes.picture.save_picture", ["--show-scene", "desk"]),
+        ("experiments.precision.measure", [str(ROOT / "configs" / "precision.yaml")]),
+        ("experiments.run_chapters._run_part", [str(ROOT / "configs" / "thesis.yaml")]),
+    ],
+)
+def test_a_full_disk_gets_one_line(
+    step: str,
+    request_words: list[str],
+    elsewhere: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "some.file")
+
+    monkeypatch.setattr(step, full)
+    assert main(request_words) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("run-experiment: some.file cannot be written (No space left on device)")
+    assert told.count("\n") == 1
 
 
 def test_a_duplicate_key_gets_one_line(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
