@@ -8,7 +8,7 @@ from experiments.cli import EXIT_OK
 from experiments.terminal import make_console, show_paths, show_tables
 from harness.config.errors import ConfigError
 from harness.figures.compare import draw_comparison
-from harness.figures.pair_view import file_slug
+from harness.file_names import file_slug
 from harness.report.page import Part
 from harness.report.run_page import text_of, write_page
 from harness.results import check_folder, results_folder

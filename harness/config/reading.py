@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from harness.config.errors import ConfigError, Key, first_problem, nearest
 from harness.config.overrides import key_path, replaced
 from harness.config.random_schema import KIND, RandomPairsExperiment
 from harness.config.schema import Experiment, MethodChoice
+from harness.file_names import file_slug
 
 AnyExperiment = Experiment | RandomPairsExperiment
 
@@ -216,7 +218,13 @@ def check_names(experiment: Experiment, path: Path) -> None:
         if name not in experiment.views:
             message = f"unknown view {name!r}; {nearest(name, experiment.views)}"
             raise ConfigError(path, ("compaction", name), message)
+    for section in ("views", "pairs"):
+        names = getattr(experiment, section)
+        _check_files((((section, name), name, name) for name in names), path)
     _check_labels(experiment.methods, path)
+    labels = [method.called for method in experiment.methods]
+    whole = itertools.product(experiment.pairs, labels)
+    _check_files(((("pairs", p), f"{p} by {m}", f"{p}_{m}") for p, m in whole), path)
 
 
 def _check_labels(methods: Sequence[MethodChoice], path: Path) -> None:
@@ -230,3 +238,16 @@ def _check_labels(methods: Sequence[MethodChoice], path: Path) -> None:
                 f"{label!r} names two methods; give each a label of its own",
             )
         labels.add(label)
+    named = enumerate(method.called for method in methods)
+    _check_files(((("methods", i, "label"), label, label) for i, label in named), path)
+
+
+def _check_files(names: Iterable[tuple[Key, str, str]], path: Path) -> None:
+    """Refuse names that would overwrite each other's files: key, what to call it, the file's."""
+    taken: dict[str, str] = {}
+    for key, shown, name in names:
+        slug = file_slug(name)
+        other = taken.setdefault(slug, shown)
+        if other != shown:
+            message = f"{shown!r} and {other!r} would have the same files, {slug}; rename one"
+            raise ConfigError(path, key, message)

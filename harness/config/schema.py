@@ -42,7 +42,7 @@ class MethodChoice(Choice):
     """
 
     preset: str | None = None
-    label: str | None = None
+    label: Annotated[str, Field(min_length=1)] | None = None
     given: tuple[Truth, ...] = ()
     figures: bool = True
     optional: bool = False

@@ -113,6 +113,18 @@ def refusal(file: Path, *overrides: str) -> str:
             "methods=[{name: thesis}, {name: thesis}]",
             "methods.1.label: 'thesis' names two methods; give each a label of its own",
         ),
+        (
+            "methods.0.label=''",
+            "methods.0.label: String should have at least 1 character, not ''",
+        ),
+        (
+            "methods=[{name: thesis, label: a b}, {name: thesis, label: a/b}]",
+            "methods.1.label: 'a/b' and 'a b' would have the same files, a_b; rename one",
+        ),
+        (
+            "pairs.plain_={source: third, target: left}",
+            "pairs.plain_: 'plain_' and 'plain' would have the same files, plain; rename one",
+        ),
         ("methods.1.name=thesis", "methods.1.name: --set: '1' is no index from 0 to 0"),
         ("seed.x=3", "seed.x: --set: nothing called 'x' can lie in a value"),
         (
@@ -136,6 +148,15 @@ def refusal(file: Path, *overrides: str) -> str:
 )
 def test_a_wrong_key_or_value_gets_one_line(small_file: Path, override: str, message: str) -> None:
     assert refusal(small_file, override) == message
+
+
+def test_a_pair_and_a_label_have_files_of_their_own(small_file: Path) -> None:
+    pair = "pairs.plain_x={source: third, target: left}"
+    methods = "methods=[{name: thesis}, {name: thesis, label: x_thesis}]"
+    assert refusal(small_file, pair, methods) == (
+        "pairs.plain_x: 'plain_x by thesis' and 'plain by x_thesis' would have the same files, "
+        "plain_x_thesis; rename one"
+    )
 
 
 @pytest.mark.parametrize(
