@@ -126,10 +126,9 @@ def chosen_method(choice: MethodChoice, key: Key, file: Path) -> Chosen:
     """The method that the config names, with checked parameters, installed if it is a peer."""
     try:
         params_type = find_method(choice.name).params_type
-    except UnknownMethodError:
-        if ":" in choice.name:
-            message = f"{choice.name!r} cannot be imported as package.module:function"
-        else:
+    except UnknownMethodError as error:
+        message = " ".join(str(error).split())  # it says why one of the user's own does not load
+        if ":" not in choice.name:
             message = f"unknown method {choice.name!r}; {nearest(choice.name, METHODS)}"
         raise ConfigError(file, (*key, "name"), message) from None
     if choice.given and choice.name != "thesis":

@@ -93,7 +93,7 @@ def refusal(file: Path, *overrides: str) -> str:
         ("methods.0.name=thesi", "methods.0.name: unknown method 'thesi'; did you mean 'thesis'?"),
         (
             "methods.0.name=nowhere:at",
-            "methods.0.name: 'nowhere:at' cannot be imported as package.module:function",
+            "methods.0.name: method 'nowhere:at' cannot be loaded: No module named 'nowhere'",
         ),
         (
             "methods.0.preset=literall",
