@@ -17,6 +17,7 @@ from harness.config.errors import ConfigError, Key, nearest
 from harness.config.reading import validated
 from harness.config.schema import Choice, MethodChoice
 from harness.recent import Recent
+from registration.calibration import CalibrationError, read_calibration
 from registration.methods import METHODS, UnknownMethodError, find_method
 from registration.peers import PEERS, MissingPeerError, check_installed
 
@@ -170,16 +171,27 @@ def chosen_methods(choices: Sequence[MethodChoice], file: Path, kept: Recent) ->
 def _calibration_file(calibration: str, file: Path, key: Key) -> str:
     """Where a calibration lies: beside the config that names it, or below the current folder.
 
-    Told from the current folder, so that a trial is the same on every machine. Raises ConfigError.
+    Told from the current folder, so that a trial is the same on every machine. Raises ConfigError,
+    of a file that is no calibration too.
     """
     beside = Path(file).parent / calibration
     if beside.is_file():
-        return calibration if Path(calibration).is_absolute() else os.path.relpath(beside)
-    if Path(calibration).is_file():
-        return calibration
-    places = f"beside {file} nor below {Path.cwd()}"
-    message = f"{calibration} is no file {places}; configs/precision.yaml makes one"
-    raise ConfigError(file, key, message)
+        found = calibration if Path(calibration).is_absolute() else os.path.relpath(beside)
+    elif Path(calibration).is_file():
+        found = calibration
+    else:
+        places = f"beside {file} nor below {Path.cwd()}"
+        message = f"{calibration} is no file {places}; configs/precision.yaml makes one"
+        raise ConfigError(file, key, message)
+    try:
+        read_calibration(found)
+    except OSError as error:
+        message = f"{found} cannot be read ({error.strerror}); configs/precision.yaml makes one"
+        raise ConfigError(file, key, message) from None
+    except CalibrationError as error:
+        message = f"{' '.join(str(error).split())}; configs/precision.yaml makes one"
+        raise ConfigError(file, key, message) from None
+    return found
 
 
 def installed_methods(

@@ -40,3 +40,10 @@ def test_a_method_of_ones_own_that_does_not_load_says_why(
         choices.chosen_method(
             MethodChoice(name="lacking:method"), ("methods", 0), tmp_path / "a.yaml"
         )
+
+
+def test_a_file_that_is_no_calibration_is_told_when_the_config_is_checked(tmp_path: Path) -> None:
+    (tmp_path / "c.json").write_text("{}", encoding="utf-8")
+    choice = MethodChoice(name="gauss_sphere", params={"calibration": "c.json"})
+    with pytest.raises(ConfigError, match=r"methods\.0\.params\.calibration: .*c\.json: .*"):
+        choices.chosen_method(choice, ("methods", 0), tmp_path / "a.yaml")
