@@ -102,6 +102,8 @@ def load_precision(
     params = checked_params(SENSORS[choice.name].params_type, choice.params, path, key)
     if FACING not in experiment.turns_deg:
         raise ConfigError(path, ("turns_deg",), "should hold [0, 0], the target parallel to X, Y")
+    if len(set(experiment.raw_depths_mm)) < 2:
+        raise ConfigError(path, ("raw_depths_mm",), "should hold two different distances at least")
     return experiment, params
 
 
@@ -158,7 +160,8 @@ def run_precision(
     try:
         calibration = calibrate(experiment, measured, command)
     except ValueError as error:
-        raise ConfigError(path, ("turns_deg",), str(error)) from None
+        key = ("turns_deg",) if set(experiment.turns_deg) == {FACING} else ()
+        raise ConfigError(path, key, str(error)) from None
     tables = [
         as_table(measure_card(params, experiment.seed), experiment.sensor.name),
         geometry_table(),

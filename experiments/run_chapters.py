@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.chapter_summary import PartResult, summary_tables
-from experiments.chapters import CALIBRATED, PAIRS, ChaptersExperiment, PartRun, load_chapters
+from experiments.chapters import CALIBRATED, ChaptersExperiment, PartRun, load_chapters
 from experiments.chapters_page import write_chapters_page
 from experiments.cli import EXIT_INTERRUPTED, EXIT_OK
 from experiments.commands import available_cores, replay, run_all
@@ -20,7 +20,7 @@ from experiments.profile_pairs import kept_rows, run_profiles
 from experiments.rehearsal import dry_run
 from experiments.terminal import make_console, show_paths, show_tables
 from harness.config.errors import ConfigError
-from harness.config.reading import dump_yaml
+from harness.config.reading import PAIRS, dump_yaml
 from harness.config.schema import Experiment
 from harness.provenance import code_fingerprint, note_run
 from harness.results import check_folder, results_folder

@@ -6,7 +6,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,9 @@ from harness.file_names import file_slug
 
 AnyExperiment = Experiment | RandomPairsExperiment
 
+PAIRS = "pairs"
+# What `experiment` may say: those that experiments adds run as a whole or are made of parts.
+KINDS = ("chapters", "discussion", PAIRS, "precision", "profiles", KIND)
 LONGEST = 40  # characters of a value that a message repeats
 
 
@@ -79,11 +82,16 @@ def load_experiment(
 
 def checked_experiment(data: dict[str, Any], path: Path) -> AnyExperiment:
     """What a file holds as an experiment; raises ConfigError."""
-    if data.get("experiment") == KIND:
+    kind = _kind_of(data, path)
+    if kind == KIND:
         random_pairs: RandomPairsExperiment = validated(RandomPairsExperiment, data, path)
         _check_labels(random_pairs.methods, path)
         return random_pairs
-    experiment: Experiment = validated(Experiment, data, path)
+    if kind != PAIRS:
+        message = f"is {kind!r}; expected {PAIRS!r} or {KIND!r} here"
+        raise ConfigError(path, ("experiment",), message)
+    keys = {name: value for name, value in data.items() if name != "experiment"}
+    experiment: Experiment = validated(Experiment, keys, path)
     check_names(experiment, path)
     return experiment
 
@@ -102,7 +110,15 @@ def overridden_mapping(
 
 def experiment_kind(path: Path) -> str:
     """What a file's key `experiment` says, "pairs" where it has none; raises ConfigError."""
-    return str(read_mapping(path).get("experiment", "pairs"))
+    return _kind_of(read_mapping(path), path)
+
+
+def _kind_of(data: Mapping[str, Any], path: Path) -> str:
+    kind = data.get("experiment", PAIRS)
+    if kind not in KINDS:
+        message = f"unknown kind {kind!r}; {nearest(str(kind), KINDS)}"
+        raise ConfigError(path, ("experiment",), message)
+    return str(kind)
 
 
 def read_mapping(path: Path) -> dict[str, Any]:

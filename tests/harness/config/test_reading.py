@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from harness.config.errors import ConfigError
-from harness.config.reading import load_experiment
+from harness.config.reading import experiment_kind, load_experiment
 from harness.trials.specs import build_trials
 
 
@@ -27,7 +27,7 @@ def refusal(file: Path, *overrides: str) -> str:
         ("scan.step_mm=.inf", "scan.step_mm: should be text or a finite number, not inf"),
         ("scan.step_mm='3'", "scan.step_mm: should be a valid number, not '3'"),
         ("scan.profiles=2.5", "scan.profiles: should be a valid integer, not 2.5"),
-        ("scan=3", "scan: should be an object, not 3"),
+        ("scan=3", "scan: should be keys and values, not 3"),
         ("title=2001-01-01", "title: should be text or a finite number, not 2001-01-01"),
         ("repeats=0", "repeats: should be greater than or equal to 1, not 0"),
         ("seed=-1", "seed: should be greater than or equal to 0, not -1"),
@@ -69,7 +69,7 @@ def refusal(file: Path, *overrides: str) -> str:
         ("pairs.a.b.target=rigth", "pairs.a.b.target: unknown view 'rigth'; did you mean 'right'?"),
         ("pairs.plain.target=third", "pairs.plain: source and target are the same view"),
         ("arm.bracket=3", "arm.bracket: unknown key; did you mean 'bracket_mm'?"),
-        ("arm=3", "arm: should be an object, not 3"),
+        ("arm=3", "arm: should be keys and values, not 3"),
         (
             "arm={track_mm: 9000}",
             "arm: track_mm is 9000.0; the track runs from 0 to 2600 mm",
@@ -126,6 +126,14 @@ def refusal(file: Path, *overrides: str) -> str:
             "pairs.plain_: 'plain_' and 'plain' would have the same files, plain; rename one",
         ),
         ("methods.1.name=thesis", "methods.1.name: --set: '1' is no index from 0 to 0"),
+        (
+            "experiment=randompairs",
+            "experiment: unknown kind 'randompairs'; did you mean 'random_pairs'?",
+        ),
+        (
+            "experiment=profiles",
+            "experiment: is 'profiles'; expected 'pairs' or 'random_pairs' here",
+        ),
         ("seed.x=3", "seed.x: --set: nothing called 'x' can lie in a value"),
         (
             "title=2020-13-45",
@@ -238,3 +246,15 @@ def test_overrides_reach_names_that_hold_dots_and_items_of_lists(small_file: Pat
     assert experiment.scan.step_mm == 10.0
     assert experiment.methods[0].label == "mine"
     assert (experiment.repeats, experiment.seed) == (7, 9)
+
+
+def test_the_kind_of_an_experiment_may_be_written(small_file: Path) -> None:
+    plain = load_experiment(small_file)
+    with small_file.open("a", encoding="utf-8") as stream:
+        stream.write("experiment: pairs\n")
+    assert load_experiment(small_file) == plain
+    assert experiment_kind(small_file) == "pairs"
+    text = small_file.read_text(encoding="utf-8").replace(": pairs\n", ": chapter\n")
+    small_file.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match="experiment: unknown kind 'chapter'; did you mean 'cha"):
+        experiment_kind(small_file)
