@@ -217,6 +217,9 @@ def test_a_sweep(tmp_path: Path) -> None:
     trials = open_session(config, tmp_path).trials
     assert len({trial.id for trial in trials}) == 18
     assert "each of these 18 points" in README
+    desk = (ROOT / "configs" / "desk.yaml").read_text(encoding="utf-8")
+    config.write_text(desk + block("yaml", "sweep:"), encoding="utf-8")  # the arm reaches them all
+    assert open_session(config, tmp_path).trials
     designs = re.findall(r"^\| (`[a-z_`, ]+`) \|", README.split("| design |")[1].split("\n\n")[0],
                          flags=re.MULTILINE)  # fmt: skip
     listed = re.findall(r"`(\w+)`", " ".join(designs))
