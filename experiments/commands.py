@@ -151,7 +151,11 @@ def replay(trials: Sequence[Trial], identity: str) -> int:
 
 
 def show_scene(
-    name: str, config: Path | None, folder: Path | None, overrides: Sequence[str]
+    name: str,
+    config: Path | None,
+    folder: Path | None,
+    overrides: Sequence[str],
+    seed: int | None,
 ) -> int:
     """Save a picture of a scene, with the views of a config when one is given."""
     from scenes import SCENES
@@ -163,7 +167,7 @@ def show_scene(
     check_folder(path.parent)
     params, outlines = SCENES[name].params_type(), None
     if config is not None:
-        session = open_session(config, folder, overrides)
+        session = open_session(config, folder, overrides, seed)
         specs = full_specs(session.trials)
         if not specs:
             message = f"{config} draws its views while it runs; leave it out to see the scene"

@@ -39,7 +39,7 @@ COMMAND = re.compile(r"^    ((?:\.venv/bin/)?(?:run-experiment|python|make) .+)$
 DESK = "configs/desk.yaml"
 SHORT = [
     "--set", "scan.profiles=24", "--set", "repeats=1",
-    "--set", "methods=[{name: gauss_sphere, figures: false}]", "--workers", "1",
+    "--set", "methods=[{name: gauss_sphere, figures: false}]",
 ]  # fmt: skip
 
 

@@ -37,6 +37,18 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ([DESK, "--trial", "zz"], ["--trial", "'zz' is no trial of this config"]),
         ([DESK, "--out", DESK], ["desk.yaml cannot be a results folder", "--out"]),
         (["--show-scene", "dsk"], ["unknown scene 'dsk'", "'desk'"]),
+        (["--show-scene", "desk", "--set", "a=1"], ["--set: says nothing", "without a CONFIG"]),
+        (["--show-scene", "desk", "--seed", "1"], ["--seed: says nothing", "without a CONFIG"]),
+        (["--show-scene", "desk", DESK, "--workers", "2"], ["--workers: says nothing to --show"]),
+        (["--list", DESK], ["CONFIG: says nothing to --list"]),
+        (["--list", "--set", "a=1"], ["--set: says nothing to --list"]),
+        ([DESK, "--dry-run", "--scheduler", "tcp://a:1"], ["--scheduler: says nothing to --dry"]),
+        ([DESK, "--trial", "ab", "--scheduler", "tcp://a:1"], ["--scheduler: says nothing"]),
+        ([DESK, "--export", "a.csv", "--scheduler", "tcp://a:1"], ["--scheduler: says nothing"]),
+        (
+            [str(ROOT / "configs" / "precision.yaml"), "--workers", "2"],
+            ["--workers: says nothing to", "runs in one process"],
+        ),
         (["--show-scene", "clutter", DESK], ["has scene 'desk', not 'clutter'"]),
     ],
 )
@@ -172,6 +184,18 @@ def test_show_scene_saves_a_picture(elsewhere: Path, capsys: pytest.CaptureFixtu
     assert main(["--show-scene", "flat_target"]) == 0
     (line,) = capsys.readouterr().out.splitlines()
     assert (elsewhere / line).read_bytes().startswith(b"\x89PNG")
+
+
+def test_show_scene_takes_the_seed(elsewhere: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+
+    def opened(*request: object) -> None:
+        asked.extend(request)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.commands.open_session", opened)
+    main(["--show-scene", "desk", DESK, "--seed", "9"])
+    assert asked[-1] == 9
 
 
 def test_an_interrupt_outside_of_the_trials_gets_one_line_too(
