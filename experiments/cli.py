@@ -135,7 +135,7 @@ def _list() -> int:
 
 def _run_at_once(options: argparse.Namespace, kind: str) -> int:
     from experiments.at_once import RUNS, check_reportable, rehearse, show_run
-    from experiments.discussion import replay_asked, run_discussion
+    from experiments.discussion import TrialError, replay_asked, run_discussion
     from experiments.discussion_trials import KIND as DISCUSSION
     from harness.config.errors import ConfigError
     from harness.results import RESULTS, telling_disk
@@ -162,6 +162,9 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
             run = partial(run_discussion, workers=options.workers)
         with telling_disk(options.out or RESULTS):
             show_run(run, *request)
+    except TrialError as error:
+        print(f"run-experiment: {error}", file=sys.stderr)
+        return EXIT_FAILED
     except StoreError as error:
         return _refuse(error)
     except KeyboardInterrupt:

@@ -9,6 +9,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands import tell_long_check
+from experiments.discussion import TrialError
 from harness.config.reading import load_experiment
 
 ROOT = Path(__file__).parents[2]
@@ -243,3 +244,15 @@ def test_a_check_that_takes_long_is_announced(
     sweep = f"sweep={{design: {design}, samples: {samples}, over: {over}}}"
     tell_long_check(load_experiment(Path(DESK), [sweep]))
     assert capsys.readouterr().out == told
+
+
+def test_trials_that_failed_in_the_discussion_are_told_without_a_traceback_of_the_command(
+    elsewhere: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: object, **__: object) -> None:
+        raise TrialError("2 trials failed, ab12 first:\nof the trial")
+
+    monkeypatch.setattr("experiments.discussion.load_discussion", failing)
+    assert main([str(ROOT / "configs" / "discussion.yaml")]) == 1
+    told = capsys.readouterr().err
+    assert told == "run-experiment: 2 trials failed, ab12 first:\nof the trial\n"
