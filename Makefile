@@ -55,4 +55,5 @@ docs: setup
 	$(BIN)/mkdocs build --strict --quiet --no-directory-urls
 
 clean:
-	rm -rf .venv site results/*/ .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv site .pytest_cache .mypy_cache .ruff_cache
+	find results -mindepth 1 -maxdepth 1 -type d ! -name reference -exec rm -rf {} +

@@ -15,7 +15,7 @@ from experiments.precision import PrecisionExperiment, load_precision
 from experiments.profile_pairs import KIND as PROFILES
 from experiments.profile_pairs import ProfilesExperiment, load_profiles
 from harness.config.errors import ConfigError, nearest
-from harness.config.reading import experiment_kind, overridden_mapping, validated
+from harness.config.reading import PAIRS, experiment_kind, overridden_mapping, validated
 from harness.config.schema import Experiment
 from harness.config.strict import Strict
 from harness.results import results_folder
@@ -23,7 +23,6 @@ from harness.session import Session, open_session
 from harness.trials.specs import Trial
 
 KIND = "chapters"
-PAIRS = "pairs"
 CALIBRATED = "gauss_sphere calibrated"
 CALIBRATION = "calibration.json"
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from experiments.chapter_summary import PartResult, part_by_part
-from experiments.chapters import PAIRS, ChaptersExperiment, PartRun
+from experiments.chapters import ChaptersExperiment, PartRun
+from harness.config.reading import PAIRS
 from harness.report.answer import OURS, scores
 from harness.report.page import Part, Shown
 from harness.report.run_page import plain_part, run_part, write_page

@@ -20,7 +20,22 @@ EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 CHAPTERS = "chapters"  # experiments.chapters.KIND, likewise
 # experiments.at_once.RUNS, which imports too much for --help
 AT_ONCE = ("precision", "profiles", "discussion")
-NEED_TRIALS = ("trial", "show_scene", "register", "export", "scheduler")
+NEED_TRIALS = ("trial", "show_scene", "export", "scheduler")
+
+OF_A_RUN = ("config", "set", "out", "seed", "workers", "scheduler")
+OF_FILES = ("step", "travel", "method", "calibration")
+# By what is asked in place of a run, the options that it reads; all others are refused.
+READS: dict[str, tuple[str, ...]] = {
+    "report_only": OF_A_RUN,
+    "dry_run": ("config", "set", "out", "seed", "workers"),
+    "export": ("config", "set", "out", "seed"),
+    "trial": ("config", "set", "out", "seed"),
+    "list": (),
+    "show_scene": ("config", "set", "out", "seed"),
+    "compare": ("out",),
+    "register": ("out", *OF_FILES),
+}
+WHY = {"register": "reads two files", "compare": "reads two results folders"}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -49,7 +64,7 @@ def _main(options: argparse.Namespace) -> int:
     limit_threads()
     experiment = None
     try:
-        _check_register(options)
+        _check_options(options)
         if options.list:
             return _list()
         kind = None if options.config is None else experiment_kind(options.config)
@@ -66,31 +81,36 @@ def _main(options: argparse.Namespace) -> int:
             raise ConfigError("CONFIG", (), "is missing; --list shows those there are")
     except ConfigError as error:
         return _refuse(error)
+    from harness.results import RESULTS, telling_disk
     from harness.store import StoreError
     from harness.workers.cluster import ClusterError
 
     try:
-        return _run(options, experiment)
+        with telling_disk(options.out or RESULTS):
+            return _run(options, experiment)
     except (ConfigError, StoreError, ClusterError) as error:
         return _refuse(error)
 
 
-def _check_register(options: argparse.Namespace) -> None:
+def _check_options(options: argparse.Namespace) -> None:
     """Options that say nothing to what is asked are refused, not passed over."""
     from harness.config.errors import ConfigError
 
-    if options.register is None:
-        for name in ("step", "travel", "method", "calibration"):
-            if getattr(options, name) is not None:
-                raise ConfigError(f"--{name}", (), "belongs to --register TARGET SOURCE")
-    asked = next((name for name in ("register", "compare") if getattr(options, name)), None)
-    if asked is None:
-        return
-    what = "reads two files" if asked == "register" else "reads two results folders"
-    for name in ("config", "set", "seed", "workers", "scheduler"):
-        if getattr(options, name) not in (None, []):
-            flag = "CONFIG" if name == "config" else f"--{name}"
-            raise ConfigError(flag, (), f"says nothing to --{asked}, which {what}")
+    action = next((name for name in READS if getattr(options, name)), None)
+    read = OF_A_RUN if action is None else READS[action]
+    said = [n for n in (*OF_A_RUN, *OF_FILES) if getattr(options, n) not in (None, [])]
+    for name in said:
+        if name in OF_FILES and action != "register":
+            raise ConfigError(_flag(name), (), "belongs to --register TARGET SOURCE")
+        if name not in read:
+            why = f", which {WHY[action]}" if action in WHY else ""
+            raise ConfigError(_flag(name), (), f"says nothing to {_flag(str(action))}{why}")
+        if action == "show_scene" and name in ("set", "seed") and options.config is None:
+            raise ConfigError(_flag(name), (), "says nothing to --show-scene without a CONFIG")
+
+
+def _flag(name: str) -> str:
+    return "CONFIG" if name == "config" else "--" + name.replace("_", "-")
 
 
 def _refuse(error: Exception) -> int:
@@ -115,15 +135,19 @@ def _list() -> int:
 
 def _run_at_once(options: argparse.Namespace, kind: str) -> int:
     from experiments.at_once import RUNS, check_reportable, rehearse, show_run
-    from experiments.discussion import replay_asked, run_discussion
+    from experiments.discussion import TrialError, replay_asked, run_discussion
     from experiments.discussion_trials import KIND as DISCUSSION
     from harness.config.errors import ConfigError
+    from harness.results import RESULTS, telling_disk
     from harness.store import StoreError
 
     for name in NEED_TRIALS:
         if getattr(options, name) and (name, kind) != ("trial", DISCUSSION):
-            flag = "--" + name.replace("_", "-")
-            raise ConfigError(flag, (), f"says nothing to {options.config}, which runs as a whole")
+            message = f"says nothing to {options.config}, which runs as a whole"
+            raise ConfigError(_flag(name), (), message)
+    if options.workers is not None and kind != DISCUSSION:
+        message = f"says nothing to {options.config}, which runs in one process"
+        raise ConfigError("--workers", (), message)
     request = options.config, options.out, options.set, options.seed
     if options.trial is not None:
         return replay_asked(options.config, options.set, options.seed, options.trial)
@@ -136,7 +160,11 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
         run = RUNS[kind]
         if kind == DISCUSSION:
             run = partial(run_discussion, workers=options.workers)
-        show_run(run, *request)
+        with telling_disk(options.out or RESULTS):
+            show_run(run, *request)
+    except TrialError as error:
+        print(f"run-experiment: {error}", file=sys.stderr)
+        return EXIT_FAILED
     except StoreError as error:
         return _refuse(error)
     except KeyboardInterrupt:
@@ -147,6 +175,7 @@ def _run_at_once(options: argparse.Namespace, kind: str) -> int:
 
 def _run_chapters(options: argparse.Namespace) -> int:
     from harness.config.errors import ConfigError
+    from harness.results import RESULTS, telling_disk
     from harness.store import StoreError
 
     if options.show_scene is not None:
@@ -167,7 +196,8 @@ def _run_chapters(options: argparse.Namespace) -> int:
             return replay_part(*request, options.trial)
         if options.dry_run:
             return rehearse_chapters(*request, options.workers)
-        return run_chapters(*request, options.workers, options.report_only)
+        with telling_disk(options.out or RESULTS):
+            return run_chapters(*request, options.workers, options.report_only)
     except StoreError as error:
         return _refuse(error)
 
@@ -196,7 +226,8 @@ def _run(options: argparse.Namespace, experiment: AnyExperiment | None) -> int:
     from harness.session import open_session
 
     if options.show_scene is not None:
-        return commands.show_scene(options.show_scene, options.config, options.out, options.set)
+        request = options.config, options.out, options.set, options.seed
+        return commands.show_scene(options.show_scene, *request)
     commands.tell_long_check(experiment)
     session = open_session(options.config, options.out, options.set, options.seed)
     if options.trial is not None:

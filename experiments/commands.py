@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -26,7 +24,7 @@ from experiments.terminal import (
 from harness.config.errors import ConfigError, nearest
 from harness.config.reading import AnyExperiment
 from harness.config.schema import Experiment
-from harness.results import results_folder
+from harness.results import check_folder, results_folder, telling_disk
 from harness.scoring import six_parameters
 from harness.session import Plan, Session, draw_whole, execute, open_session, plan, report
 from harness.store import FILE_NAME, Store, StoreError, load
@@ -38,8 +36,6 @@ from harness.workers.pool import process_pool
 from sensors import SENSORS
 
 Show = Callable[[list[Table]], object]
-# Of a file system that is full, over quota, for reading only, or not ours.
-DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG)
 LITTLE_OVERLAP = 0.1  # where a failure is put down to it
 MANY_POINTS = 20_000  # of a sweep, to check which takes seconds
 
@@ -122,20 +118,6 @@ def export(session: Session, file: Path) -> int:
     return EXIT_OK
 
 
-@contextmanager
-def telling_disk(folder: Path) -> Iterator[None]:
-    """A disk that is full or may not be written to becomes one line, with the way out."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in DISK_ERRORS:
-            raise
-        raise StoreError(
-            f"{error.filename or folder} cannot be written ({error.strerror}); the rows so far are "
-            "kept: make room, or give another folder with --out"
-        ) from None
-
-
 def replay(trials: Sequence[Trial], identity: str) -> int:
     """Perform one trial in this process and print its row; writes nothing."""
     from harness.execution import perform
@@ -170,7 +152,11 @@ def replay(trials: Sequence[Trial], identity: str) -> int:
 
 
 def show_scene(
-    name: str, config: Path | None, folder: Path | None, overrides: Sequence[str]
+    name: str,
+    config: Path | None,
+    folder: Path | None,
+    overrides: Sequence[str],
+    seed: int | None,
 ) -> int:
     """Save a picture of a scene, with the views of a config when one is given."""
     from scenes import SCENES
@@ -178,9 +164,11 @@ def show_scene(
 
     if name not in SCENES:
         raise ConfigError("--show-scene", (), f"unknown scene {name!r}; {nearest(name, SCENES)}")
+    path = results_folder(folder, "scenes") / f"{name}.png"
+    check_folder(path.parent)
     params, outlines = SCENES[name].params_type(), None
     if config is not None:
-        session = open_session(config, folder, overrides)
+        session = open_session(config, folder, overrides, seed)
         specs = full_specs(session.trials)
         if not specs:
             message = f"{config} draws its views while it runs; leave it out to see the scene"
@@ -193,7 +181,6 @@ def show_scene(
         sensor = SENSORS[spec.sensor.name].factory(spec.sensor.params)
         views = {view.name: view for each in specs for view in (each.source, each.target)}
         outlines = {key: sensor.outline(spec.path(view)) for key, view in views.items()}
-    path = results_folder(folder, "scenes") / f"{name}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
     save_picture(SCENES[name].builder(params), path, outlines)
     print(path)

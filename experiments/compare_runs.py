@@ -8,10 +8,10 @@ from experiments.cli import EXIT_OK
 from experiments.terminal import make_console, show_paths, show_tables
 from harness.config.errors import ConfigError
 from harness.figures.compare import draw_comparison
-from harness.figures.pair_view import file_slug
+from harness.file_names import file_slug
 from harness.report.page import Part
 from harness.report.run_page import text_of, write_page
-from harness.results import results_folder
+from harness.results import check_folder, results_folder
 from harness.store import load
 from harness.tables.compare import changed_table, comparison_table, matched, summary, trial_count
 from harness.tables.table import write_tables
@@ -23,6 +23,9 @@ def compare(first: Path, second: Path, folder: Path | None) -> int:
     Returns the exit status; raises ConfigError and StoreError, one line, before anything is
     written.
     """
+    names = _names(first, second)
+    folder = results_folder(folder, file_slug(f"{names[1]}_against_{names[0]}"))
+    check_folder(folder)
     rows = [load(each, specs=True, arrays=False) for each in (first, second)]
     try:
         pairs = matched(*rows)
@@ -34,8 +37,6 @@ def compare(first: Path, second: Path, folder: Path | None) -> int:
             "--compare", (), f"{first} and {second} have no trial in common: the same scene, "
             "sensor, views, seed and repeat, and a method of the same label"
         )  # fmt: skip
-    names = _names(first, second)
-    folder = results_folder(folder, file_slug(f"{names[1]}_against_{names[0]}"))
     tables = [comparison_table(pairs, names), changed_table(pairs, names)]
     tables = [table for table in tables if len(table.frame)]
     write_tables(tables, folder / "tables")

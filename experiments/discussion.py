@@ -19,7 +19,7 @@ from experiments.turned_rotation import Turning, middle_mm, turn
 from harness.config.errors import ConfigError
 from harness.config.reading import dump_yaml
 from harness.provenance import code_fingerprint, note_run
-from harness.results import results_folder
+from harness.results import check_folder, results_folder
 from harness.store import FILE_NAME, Store, load
 from harness.tables.card import card_table
 from harness.tables.pairs import theoretical_error
@@ -52,6 +52,7 @@ def run_discussion(
 
     experiment, asked = load_discussion(path, overrides, seed)
     folder = results_folder(folder, path.stem)
+    check_folder(folder)
     make_executor = process_pool(min(workers or available_cores(), len(asked)))
     rows = perform_asked(asked, folder, make_executor)
     turned = turn_rotations(experiment, asked, make_executor)

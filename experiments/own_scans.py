@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -20,7 +19,7 @@ from harness.config.errors import ConfigError
 from harness.figures.clouds import write_merged
 from harness.provenance import run_facts
 from harness.report.own_page import write_own_page
-from harness.results import results_folder
+from harness.results import check_folder, results_folder
 from harness.scoring import six_parameters
 from registration.calibration import CalibrationError, read_calibration
 from registration.methods import UnknownMethodError, find_method, register
@@ -45,7 +44,7 @@ def register_files(
     anything is written.
     """
     folder = results_folder(folder, f"{target_file.stem}_{source_file.stem}")
-    _check_folder(folder)
+    check_folder(folder)
     try:
         params = _params(method, calibration_file)
         moved = None if travel is None else np.array(travel)
@@ -110,18 +109,6 @@ def _params(method: str, calibration_file: Path | None) -> Any:
     except CalibrationError as error:
         raise ConfigError("--calibration", (), str(error)) from None
     return params_type(calibration=str(calibration_file))
-
-
-def _check_folder(folder: Path) -> None:
-    """Raise ConfigError where a results folder could not be made, before any time is spent."""
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not there.is_dir():
-        problem = f"{there} is a file"
-    elif not os.access(there, os.W_OK | os.X_OK):
-        problem = f"{there} cannot be written to"
-    else:
-        return
-    raise ConfigError("--out", (), f"{folder} cannot be a results folder: {problem}; give another")
 
 
 def _tell(console: Console, result: RegistrationResult) -> None:

@@ -20,7 +20,7 @@ from harness.config.reading import dump_yaml, overridden_mapping, validated
 from harness.config.schema import Angle, Choice, Length, ScanSize
 from harness.config.strict import Strict
 from harness.provenance import code_fingerprint, note_run
-from harness.results import results_folder
+from harness.results import check_folder, results_folder
 from harness.tables.card import as_table, geometry_table
 from harness.tables.table import Table, write_tables
 from registration.calibration import Calibration
@@ -102,6 +102,8 @@ def load_precision(
     params = checked_params(SENSORS[choice.name].params_type, choice.params, path, key)
     if FACING not in experiment.turns_deg:
         raise ConfigError(path, ("turns_deg",), "should hold [0, 0], the target parallel to X, Y")
+    if len(set(experiment.raw_depths_mm)) < 2:
+        raise ConfigError(path, ("raw_depths_mm",), "should hold two different distances at least")
     return experiment, params
 
 
@@ -151,19 +153,21 @@ def run_precision(
     from experiments.precision_figures import draw_precision
 
     experiment, params = load_precision(path, overrides, seed)
+    folder = results_folder(folder, path.stem)
+    check_folder(folder)
     measured = measure(experiment, params)
     command = f"run-experiment configs/{path.name}, seed {experiment.seed}"
     try:
         calibration = calibrate(experiment, measured, command)
     except ValueError as error:
-        raise ConfigError(path, ("turns_deg",), str(error)) from None
+        key = ("turns_deg",) if set(experiment.turns_deg) == {FACING} else ()
+        raise ConfigError(path, key, str(error)) from None
     tables = [
         as_table(measure_card(params, experiment.seed), experiment.sensor.name),
         geometry_table(),
         forms_table(calibration),
         residual_table(measured, calibration),
     ]
-    folder = results_folder(folder, path.stem)
     folder.mkdir(parents=True, exist_ok=True)
     resolved: dict[str, Any] = experiment.model_dump(mode="json")
     resolved["sensor"]["params"] = json.loads(json.dumps(dataclasses.asdict(params)))

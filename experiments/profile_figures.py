@@ -27,7 +27,7 @@ from harness.figures.page import (
     page_style,
     save,
 )
-from harness.figures.pair_view import file_slug
+from harness.file_names import file_slug
 from harness.trials.specs import Trial
 from registration.planar.pipeline import PlanarEvidence
 

@@ -24,7 +24,7 @@ from harness.config.schema import Experiment
 from harness.execution import scan_view
 from harness.provenance import code_fingerprint, note_run
 from harness.report.packing import write_whole
-from harness.results import results_folder
+from harness.results import check_folder, results_folder
 from harness.scoring import pose_error, six_parameters
 from harness.tables.table import Table, write_tables
 from harness.tables.views import sensing_tables
@@ -83,6 +83,7 @@ def run_profiles(
 
     experiment, trials = load_profiles(path, overrides, seed)
     folder = results_folder(folder, path.stem)
+    check_folder(folder)
     rows = kept_rows(experiment, trials, folder)
     if rows is None:
         rows = measure(trials, make_executor)

@@ -10,7 +10,7 @@ import pandas as pd
 from experiments.profile_means import CUTOFF, MOTION, mean_motion, middle, wrapped_deg
 from experiments.profile_pairs import ProfilesExperiment
 from harness.config.schema import Experiment, Pair, PrintedPose
-from harness.figures.pair_view import file_slug
+from harness.file_names import file_slug
 from harness.tables.table import Table
 from harness.trials.views import relabelled
 from registration.scan import FloatArray

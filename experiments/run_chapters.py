@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.chapter_summary import PartResult, summary_tables
-from experiments.chapters import CALIBRATED, PAIRS, ChaptersExperiment, PartRun, load_chapters
+from experiments.chapters import CALIBRATED, ChaptersExperiment, PartRun, load_chapters
 from experiments.chapters_page import write_chapters_page
 from experiments.cli import EXIT_INTERRUPTED, EXIT_OK
 from experiments.commands import available_cores, replay, run_all
@@ -20,10 +20,10 @@ from experiments.profile_pairs import kept_rows, run_profiles
 from experiments.rehearsal import dry_run
 from experiments.terminal import make_console, show_paths, show_tables
 from harness.config.errors import ConfigError
-from harness.config.reading import dump_yaml
+from harness.config.reading import PAIRS, dump_yaml
 from harness.config.schema import Experiment
 from harness.provenance import code_fingerprint, note_run
-from harness.results import results_folder
+from harness.results import check_folder, results_folder
 from harness.store import FILE_NAME, StoreError, load
 from harness.tables.table import Table, write_tables
 from harness.workers.pool import MakeExecutor, process_pool
@@ -40,10 +40,11 @@ def run_chapters(
     """Run what is missing of every part, then sum all up; returns the exit status."""
     from experiments.draw_chapters import draw_chapters  # it brings matplotlib
 
+    folder = results_folder(folder, path.stem)
+    check_folder(folder)
     experiment, runs = load_chapters(path, folder, overrides, seed)
     if redraw:
         _check_rows(runs)
-    folder = results_folder(folder, path.stem)
     console = make_console()
     workers = workers or available_cores()
     start = time.perf_counter()

@@ -40,7 +40,7 @@ def measure_card(params: JupiterParams, seed: int = 0) -> tuple[CardRow, ...]:
     depths_mm = sorted({number.depth_mm for number in PUBLISHED})
     facing, tilted = {}, {}
     for k, depth_mm in enumerate(depths_mm):
-        # Four streams for each: the numbers do not hang on each other.
+        # Two streams for each: the numbers do not hang on each other.
         rngs = [np.random.default_rng([seed, k, i]) for i in (0, 1)]
         facing[depth_mm] = scan_target(sensor, depth_mm, 0.0, 0.0, PROFILES, STEP_MM, rngs[0]).scan
         tilted[depth_mm] = scan_target(

@@ -36,8 +36,9 @@ def read_csv(path: Path) -> tuple[FloatArray, FloatArray | None]:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # of more values than names
             table = pd.read_csv(
-                path, dtype=str, keep_default_na=False, skipinitialspace=True, index_col=False
-            )
+                path, dtype=str, keep_default_na=False, skipinitialspace=True, index_col=False,
+                skip_blank_lines=False,  # they count where a message names a line
+            )  # fmt: skip
     except pd.errors.ParserWarning:
         raise GridFileError(
             f"{path}: line 2: has more values than line 1 names columns; expected as many (a "
@@ -54,14 +55,16 @@ def read_csv(path: Path) -> tuple[FloatArray, FloatArray | None]:
                 "intensity"
             )
     known = [*wanted, *(["intensity"] if "intensity" in table.columns else [])]
+    table = table[(table.fillna("") != "").any(axis=1)]
+    lines = table.index + 2  # the first one names the columns
     values = table[known].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         row, column = bad[0]
         text = table[known].iat[row, column]
         problem = f"{known[column]} is {text!r}, no finite number"
-        raise GridFileError(f"{path}: line {row + 2}: {problem}")
-    where = [f"line {row + 2}" for row in range(len(values))] if len(values) < 1e6 else None
+        raise GridFileError(f"{path}: line {lines[row]}: {problem}")
+    where = [f"line {line}" for line in lines] if len(values) < 1e6 else None
     points = _gridded(path, values[:, :2], values[:, 2:5], where)
     if len(known) == len(wanted):
         return points, None

@@ -11,19 +11,6 @@ from sensors.paths import ViewPath
 from sensors.sensor import Sensor
 
 
-def overlap(sensor: Sensor, scene: Scene, path_a: ViewPath, path_b: ViewPath) -> float:
-    """Share of the points view a measures that view b sees too; 0 when a measures nothing.
-
-    Free of noise: points are where the rays of view a meet the surfaces.
-    """
-    hits = sensor.hits(scene, path_a)
-    measured = hits.valid
-    if not measured.any():
-        return 0.0
-    points_mm = path_a.T_world_view.apply(hits.points_mm[measured])
-    return float(seen(sensor, scene, path_b, points_mm, hits.surface[measured]).mean())
-
-
 def seen(
     sensor: Sensor, scene: Scene, path: ViewPath, points_mm: FloatArray, surface: IntArray
 ) -> BoolArray:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import lzma
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -98,10 +100,17 @@ def _load_npz(path: Path) -> dict[str, Any]:
     try:
         with np.load(path, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
-    except (ValueError, EOFError, KeyError, AttributeError, TypeError, zipfile.BadZipFile):
+    except _UNREADABLE:
         # Whatever is wrong inside, NumPy's words for it would not help.
         raise ScanFileError(f"{path}: is no .npz file of plain arrays") from None
 
+
+# What NumPy and zipfile raise of files that are damaged, encrypted or packed in another way, or
+# whose arrays are said to be larger than the memory.
+_UNREADABLE = (
+    ValueError, EOFError, KeyError, AttributeError, TypeError, MemoryError, OverflowError,
+    NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error, lzma.LZMAError,
+)  # fmt: skip
 
 READERS: dict[str, Callable[[Path, float | None, FloatArray | None], Scan]] = {
     ".3dx": _read_threedx,

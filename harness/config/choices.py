@@ -17,6 +17,7 @@ from harness.config.errors import ConfigError, Key, nearest
 from harness.config.reading import validated
 from harness.config.schema import Choice, MethodChoice
 from harness.recent import Recent
+from registration.calibration import CalibrationError, read_calibration
 from registration.methods import METHODS, UnknownMethodError, find_method
 from registration.peers import PEERS, MissingPeerError, check_installed
 
@@ -126,10 +127,9 @@ def chosen_method(choice: MethodChoice, key: Key, file: Path) -> Chosen:
     """The method that the config names, with checked parameters, installed if it is a peer."""
     try:
         params_type = find_method(choice.name).params_type
-    except UnknownMethodError:
-        if ":" in choice.name:
-            message = f"{choice.name!r} cannot be imported as package.module:function"
-        else:
+    except UnknownMethodError as error:
+        message = " ".join(str(error).split())  # it says why one of the user's own does not load
+        if ":" not in choice.name:
             message = f"unknown method {choice.name!r}; {nearest(choice.name, METHODS)}"
         raise ConfigError(file, (*key, "name"), message) from None
     if choice.given and choice.name != "thesis":
@@ -171,16 +171,27 @@ def chosen_methods(choices: Sequence[MethodChoice], file: Path, kept: Recent) ->
 def _calibration_file(calibration: str, file: Path, key: Key) -> str:
     """Where a calibration lies: beside the config that names it, or below the current folder.
 
-    Told from the current folder, so that a trial is the same on every machine. Raises ConfigError.
+    Told from the current folder, so that a trial is the same on every machine. Raises ConfigError,
+    of a file that is no calibration too.
     """
     beside = Path(file).parent / calibration
     if beside.is_file():
-        return calibration if Path(calibration).is_absolute() else os.path.relpath(beside)
-    if Path(calibration).is_file():
-        return calibration
-    places = f"beside {file} nor below {Path.cwd()}"
-    message = f"{calibration} is no file {places}; configs/precision.yaml makes one"
-    raise ConfigError(file, key, message)
+        found = calibration if Path(calibration).is_absolute() else os.path.relpath(beside)
+    elif Path(calibration).is_file():
+        found = calibration
+    else:
+        places = f"beside {file} nor below {Path.cwd()}"
+        message = f"{calibration} is no file {places}; configs/precision.yaml makes one"
+        raise ConfigError(file, key, message)
+    try:
+        read_calibration(found)
+    except OSError as error:
+        message = f"{found} cannot be read ({error.strerror}); configs/precision.yaml makes one"
+        raise ConfigError(file, key, message) from None
+    except CalibrationError as error:
+        message = f"{' '.join(str(error).split())}; configs/precision.yaml makes one"
+        raise ConfigError(file, key, message) from None
+    return found
 
 
 def installed_methods(

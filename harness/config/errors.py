@@ -16,7 +16,7 @@ Key = tuple[str | int, ...]
 UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")  # of a model, of a dataclass
 
 # What YAML has in place of what JSON calls them.
-WORDS = {"a valid array": "a list", "a valid tuple": "a list"}
+WORDS = {"a valid array": "a list", "a valid tuple": "a list", "an object": "keys and values"}
 
 
 class ConfigError(ValueError):
@@ -50,7 +50,8 @@ def first_problem(error: ValidationError, model: Any) -> tuple[Key, str]:
     if problem["type"] in ("missing", "missing_argument"):
         return key, "is missing"
     if problem["type"] == "too_short":
-        return key, f"needs at least {problem['ctx']['min_length']} entry"
+        least = problem["ctx"]["min_length"]
+        return key, f"needs at least {least} {'entry' if least == 1 else 'entries'}"
     message = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if message != problem["msg"].removeprefix("Value error, "):
         message = f"should be {WORDS.get(message, message)}"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,36 @@ from harness.config.errors import ConfigError, Key, first_problem, nearest
 from harness.config.overrides import key_path, replaced
 from harness.config.random_schema import KIND, RandomPairsExperiment
 from harness.config.schema import Experiment, MethodChoice
+from harness.file_names import file_slug
 
 AnyExperiment = Experiment | RandomPairsExperiment
 
+PAIRS = "pairs"
+# What `experiment` may say: those that experiments adds run as a whole or are made of parts.
+KINDS = ("chapters", "discussion", PAIRS, "precision", "profiles", KIND)
+LONGEST = 40  # characters of a value that a message repeats
+
 
 class _Loader(yaml.SafeLoader):
-    """The safe loader, refusing a key that is written twice."""
+    """The safe loader, refusing a key that is written twice, and telling what cannot be built."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            value = super().construct_object(node, deep)
+            if isinstance(value, int):
+                str(value)  # JSON has to write it, and there is a limit to the digits
+        except (ValueError, AttributeError, LookupError, ArithmeticError):
+            # As a date of month 13: what Python says of it would not help.
+            text = str(node.value)
+            shown = repr(text if len(text) <= LONGEST else f"{text[:LONGEST]}...")
+            kind = node.tag.rpartition(":")[2]
+            problem = f"{shown} cannot be read as {kind}; text goes in quotes"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark) from None
+        return value
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        if not isinstance(node, yaml.MappingNode):  # `!!map` before something else
+            return super().construct_mapping(node, deep)
         seen: set[Any] = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
@@ -59,11 +82,16 @@ def load_experiment(
 
 def checked_experiment(data: dict[str, Any], path: Path) -> AnyExperiment:
     """What a file holds as an experiment; raises ConfigError."""
-    if data.get("experiment") == KIND:
+    kind = _kind_of(data, path)
+    if kind == KIND:
         random_pairs: RandomPairsExperiment = validated(RandomPairsExperiment, data, path)
         _check_labels(random_pairs.methods, path)
         return random_pairs
-    experiment: Experiment = validated(Experiment, data, path)
+    if kind != PAIRS:
+        message = f"is {kind!r}; expected {PAIRS!r} or {KIND!r} here"
+        raise ConfigError(path, ("experiment",), message)
+    keys = {name: value for name, value in data.items() if name != "experiment"}
+    experiment: Experiment = validated(Experiment, keys, path)
     check_names(experiment, path)
     return experiment
 
@@ -82,13 +110,21 @@ def overridden_mapping(
 
 def experiment_kind(path: Path) -> str:
     """What a file's key `experiment` says, "pairs" where it has none; raises ConfigError."""
-    return str(read_mapping(path).get("experiment", "pairs"))
+    return _kind_of(read_mapping(path), path)
+
+
+def _kind_of(data: Mapping[str, Any], path: Path) -> str:
+    kind = data.get("experiment", PAIRS)
+    if kind not in KINDS:
+        message = f"unknown kind {kind!r}; {nearest(str(kind), KINDS)}"
+        raise ConfigError(path, ("experiment",), message)
+    return str(kind)
 
 
 def read_mapping(path: Path) -> dict[str, Any]:
     """The mapping that a YAML file holds, unchecked but for duplicate keys; raises ConfigError."""
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+        data = _parsed(path.read_text(encoding="utf-8"))
     except OSError as error:
         beside = sorted(p.stem for p in path.parent.glob("*.yaml")) if path.parent.is_dir() else []
         reason = error.strerror or "cannot be read"
@@ -96,8 +132,8 @@ def read_mapping(path: Path) -> dict[str, Any]:
         raise ConfigError(path, (), f"{reason[0].lower()}{reason[1:]}{hint}") from None
     except UnicodeDecodeError:
         raise ConfigError(path, (), "is not a text file in UTF-8") from None
-    except yaml.YAMLError as error:
-        raise ConfigError(path, (), f"is not valid YAML: {_one_line(error)}") from None
+    except _NotYAMLError as error:
+        raise ConfigError(path, (), f"is not valid YAML: {error}") from None
     if not isinstance(data, dict):
         raise ConfigError(path, (), "should hold keys and values; see the files in configs/")
     return data
@@ -141,6 +177,20 @@ def _not_json(data: Any, key: Key) -> Iterator[tuple[Key, Any]]:
         yield key, data
 
 
+class _NotYAMLError(Exception):
+    """A text that YAML cannot read; the message is part of a line."""
+
+
+def _parsed(text: str) -> Any:
+    """What a text in YAML holds; raises _NotYAMLError."""
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise _NotYAMLError(_one_line(error)) from None
+    except RecursionError:
+        raise _NotYAMLError("it nests too deep") from None
+
+
 def _one_line(error: yaml.YAMLError) -> str:
     if isinstance(error, yaml.MarkedYAMLError):
         where = f" (line {error.problem_mark.line + 1})" if error.problem_mark else ""
@@ -156,9 +206,9 @@ def _overridden(data: dict[str, Any], override: str, path: Path) -> dict[str, An
             path, (), f"--set {override!r} should read key=value, as scan.profiles=40"
         )
     try:
-        value = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise ConfigError(path, (dotted,), f"--set: {_one_line(error)}") from None
+        value = _parsed(text)
+    except _NotYAMLError as error:
+        raise ConfigError(path, (dotted,), f"--set: is not valid YAML: {error}") from None
 
     def problem(message: str) -> ConfigError:
         return ConfigError(path, (dotted,), f"--set: {message}")
@@ -184,7 +234,13 @@ def check_names(experiment: Experiment, path: Path) -> None:
         if name not in experiment.views:
             message = f"unknown view {name!r}; {nearest(name, experiment.views)}"
             raise ConfigError(path, ("compaction", name), message)
+    for section in ("views", "pairs"):
+        names = getattr(experiment, section)
+        _check_files((((section, name), name, name) for name in names), path)
     _check_labels(experiment.methods, path)
+    labels = [method.called for method in experiment.methods]
+    whole = itertools.product(experiment.pairs, labels)
+    _check_files(((("pairs", p), f"{p} by {m}", f"{p}_{m}") for p, m in whole), path)
 
 
 def _check_labels(methods: Sequence[MethodChoice], path: Path) -> None:
@@ -198,3 +254,16 @@ def _check_labels(methods: Sequence[MethodChoice], path: Path) -> None:
                 f"{label!r} names two methods; give each a label of its own",
             )
         labels.add(label)
+    named = enumerate(method.called for method in methods)
+    _check_files(((("methods", i, "label"), label, label) for i, label in named), path)
+
+
+def _check_files(names: Iterable[tuple[Key, str, str]], path: Path) -> None:
+    """Refuse names that would overwrite each other's files: key, what to call it, the file's."""
+    taken: dict[str, str] = {}
+    for key, shown, name in names:
+        slug = file_slug(name)
+        other = taken.setdefault(slug, shown)
+        if other != shown:
+            message = f"{shown!r} and {other!r} would have the same files, {slug}; rename one"
+            raise ConfigError(path, key, message)

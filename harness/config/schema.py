@@ -11,6 +11,7 @@ from harness.config.limits import NO_LIMITS, Limits
 from harness.config.strict import Strict
 from harness.config.sweep_schema import Sweep
 
+MOST_PROFILES = 10_000
 Length = Annotated[float, Field(gt=0.0)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 Vector = tuple[float, float, float]
@@ -41,7 +42,7 @@ class MethodChoice(Choice):
     """
 
     preset: str | None = None
-    label: str | None = None
+    label: Annotated[str, Field(min_length=1)] | None = None
     given: tuple[Truth, ...] = ()
     figures: bool = True
     optional: bool = False
@@ -55,7 +56,7 @@ class MethodChoice(Choice):
 class ScanSize(Strict):
     """Profiles a view, and the sensor's motion between two of them."""
 
-    profiles: int = Field(ge=1, le=10_000)
+    profiles: int = Field(ge=1, le=MOST_PROFILES)
     step_mm: Length
 
 
@@ -83,10 +84,19 @@ class ScanLine(ScanSize):
         numbers = [value for value in ends if isinstance(value, int | float)]
         if len(numbers) < 3 or numbers[2] <= 0.0:
             return data
-        low, high, step = numbers
+        try:
+            low, high, step = (float(number) for number in numbers)
+        except OverflowError:
+            raise ValueError("low_mm, high_mm or step_mm is too large a number") from None
         if low >= high:
             raise ValueError(f"low_mm {low:g} should lie below high_mm {high:g}")
-        count = int((high - low) / step + 1e-9) + 1
+        steps = (high - low) / step
+        if steps >= MOST_PROFILES:
+            raise ValueError(
+                f"from low_mm {low:g} to high_mm {high:g} in steps of {step:g} mm there are more "
+                f"than {MOST_PROFILES} profiles"
+            )
+        count = int(steps + 1e-9) + 1
         given = data.get("profiles", count)
         if given != count:
             raise ValueError(

@@ -94,7 +94,7 @@ def _check_numbers(kind: Kind, key: str, values: Any) -> None:
     for value in values.named if named and kind == "curves" else [values] if named else values:
         try:
             number = not isinstance(value, bool | Named) and float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             number = False
         if number is False:
             shown = repr(value) if not isinstance(value, Named) else "names"

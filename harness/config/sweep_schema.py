@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from harness.config.strict import Strict
 
@@ -16,7 +16,18 @@ Design = Literal[
 LISTING: tuple[Design, ...] = ("product", "zip", "one_at_a_time")
 POWER_OF_TWO: tuple[Design, ...] = ("sobol", "saltelli")
 
-Number = int | float
+EXACT, LARGEST = 2**53, 1e300  # whole numbers that a double holds, and where sums stay finite
+
+
+def _calculable(number: int | float) -> int | float:
+    most = EXACT if isinstance(number, int) else LARGEST
+    if abs(number) > most:
+        shown = f"{most:g}" if isinstance(number, float) else f"2**53 = {most}"
+        raise ValueError(f"should lie within {shown} of 0")
+    return number
+
+
+Number = Annotated[int | float, AfterValidator(_calculable)]
 From = Annotated[Number, Field(alias="from")]
 To = Annotated[Number, Field(alias="to")]
 

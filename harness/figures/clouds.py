@@ -8,7 +8,8 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import RigidTransform
 
-from harness.figures.pair_view import PairView, file_slug
+from harness.figures.pair_view import PairView
+from harness.file_names import file_slug
 from harness.report.packing import write_whole
 from registration.scan import FloatArray, Scan
 

@@ -17,7 +17,8 @@ from harness.figures.arm import draw_arm
 from harness.figures.clouds import write_cloud
 from harness.figures.looks import FRONT, TOP
 from harness.figures.page import name_clouds, page_style, projections, save, scatter_mixed, thinned
-from harness.figures.pair_view import PairView, file_slug
+from harness.figures.pair_view import PairView
+from harness.file_names import file_slug
 from harness.scoring.multiview import NO_COVARIANCE, middle_view, poses_in, usable
 from harness.scoring.poses import exact_pose, pose_error
 from harness.trials.specs import Trial, TrialSpec

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from scipy.spatial.transform import RigidTransform
 
+from harness.file_names import file_slug
 from registration.result import RegistrationResult
 from registration.scan import Scan
 
@@ -37,9 +38,3 @@ class PairView:
     def slug(self) -> str:
         """The pair and the method as the first part of a file name."""
         return file_slug(f"{self.pair}_{self.method}")
-
-
-def file_slug(name: str) -> str:
-    """A name as part of a file name: anything but letters, digits, dot and dash as underscore."""
-    kept = (c if c.isascii() and (c.isalnum() or c in ".-") else "_" for c in name)
-    return "_".join(part for part in "".join(kept).split("_") if part)

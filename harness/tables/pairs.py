@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.spatial.transform import RigidTransform
 
 from harness.config.schema import Experiment, Pair, PrintedPose, RotationLabels
-from harness.figures.pair_view import file_slug
+from harness.file_names import file_slug
 from harness.scoring.poses import PARAMETERS, parameter_errors, pose_error, pose_from_parameters
 from harness.tables.table import Table, printed
 from harness.trials.views import LABEL_ORDER, relabelled

@@ -30,7 +30,8 @@ def cluster_pool(address: str) -> Callable[[], Executor]:
         from distributed import Client
     except ImportError:
         raise ClusterError(
-            "--scheduler needs the library distributed; install it with: pip install '.[cluster]'"
+            "--scheduler needs the library distributed: with make setup it is there; elsewhere "
+            "pip install -c constraints.txt -e '.[cluster]'"
         ) from None
     try:
         connect: Any = Client  # Dask has no types

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -216,7 +217,19 @@ def test_a_sweep(tmp_path: Path) -> None:
     trials = open_session(config, tmp_path).trials
     assert len({trial.id for trial in trials}) == 18
     assert "each of these 18 points" in README
+    desk = (ROOT / "configs" / "desk.yaml").read_text(encoding="utf-8")
+    config.write_text(desk + block("yaml", "sweep:"), encoding="utf-8")  # the arm reaches them all
+    assert open_session(config, tmp_path).trials
     designs = re.findall(r"^\| (`[a-z_`, ]+`) \|", README.split("| design |")[1].split("\n\n")[0],
                          flags=re.MULTILINE)  # fmt: skip
     listed = re.findall(r"`(\w+)`", " ".join(designs))
     assert set(listed) == set(get_args(Design))
+
+
+def test_clean_removes_results_but_those_of_reference(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    for name in ("reference", "desk"):
+        (tmp_path / "results" / name).mkdir(parents=True)
+    (tmp_path / "results" / ".gitkeep").touch()
+    subprocess.run(["make", "clean"], cwd=tmp_path, check=True, capture_output=True)
+    assert {path.name for path in (tmp_path / "results").iterdir()} == {".gitkeep", "reference"}

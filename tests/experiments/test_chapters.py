@@ -43,7 +43,7 @@ BLIND = ["parts.desk.set={repeats: 1, scan: {profiles: 5}}"]
 
 def options(out: Path, *more: str) -> list[str]:
     chosen = [argument for override in SMALL for argument in ("--set", override)]
-    return [str(THESIS), "--out", str(out), "--workers", "2", *chosen, *more]
+    return [str(THESIS), "--out", str(out), *chosen, *more]
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands import tell_long_check
+from experiments.discussion import TrialError
 from harness.config.reading import load_experiment
 
 ROOT = Path(__file__).parents[2]
@@ -36,6 +38,18 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ([DESK, "--trial", "zz"], ["--trial", "'zz' is no trial of this config"]),
         ([DESK, "--out", DESK], ["desk.yaml cannot be a results folder", "--out"]),
         (["--show-scene", "dsk"], ["unknown scene 'dsk'", "'desk'"]),
+        (["--show-scene", "desk", "--set", "a=1"], ["--set: says nothing", "without a CONFIG"]),
+        (["--show-scene", "desk", "--seed", "1"], ["--seed: says nothing", "without a CONFIG"]),
+        (["--show-scene", "desk", DESK, "--workers", "2"], ["--workers: says nothing to --show"]),
+        (["--list", DESK], ["CONFIG: says nothing to --list"]),
+        (["--list", "--set", "a=1"], ["--set: says nothing to --list"]),
+        ([DESK, "--dry-run", "--scheduler", "tcp://a:1"], ["--scheduler: says nothing to --dry"]),
+        ([DESK, "--trial", "ab", "--scheduler", "tcp://a:1"], ["--scheduler: says nothing"]),
+        ([DESK, "--export", "a.csv", "--scheduler", "tcp://a:1"], ["--scheduler: says nothing"]),
+        (
+            [str(ROOT / "configs" / "precision.yaml"), "--workers", "2"],
+            ["--workers: says nothing to", "runs in one process"],
+        ),
         (["--show-scene", "clutter", DESK], ["has scene 'desk', not 'clutter'"]),
     ],
 )
@@ -52,6 +66,67 @@ def test_a_wrong_request_gets_one_line_and_writes_nothing(
     assert shown.err.count("\n") == 1
     assert all(part in shown.err for part in parts), shown.err
     assert list(elsewhere.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "request_words",
+    [
+        ["--compare", "before", "after"],
+        ["--show-scene", "desk"],
+        [str(ROOT / "configs" / "precision.yaml")],
+        [str(ROOT / "configs" / "foam_2d.yaml")],
+        [str(ROOT / "configs" / "thesis.yaml")],
+    ],
+)
+def test_a_results_folder_that_cannot_be_made_is_told_before_anything_is_computed(
+    request_words: list[str],
+    elsewhere: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def computing(*_: object) -> None:
+        raise AssertionError("nothing should be computed")
+
+    for name in ("precision.measure", "profile_pairs.measure", "run_chapters._run_part"):
+        monkeypatch.setattr(f"experiments.{name}", computing)
+    (elsewhere / "taken").touch()
+    (elsewhere / "link").symlink_to("nowhere")
+    for out, why in (
+        ("taken", "taken is a file"),
+        ("taken/below", "taken is a file"),
+        ("link", "link is a link that leads nowhere"),
+        ("a" * 300, "File name too long"),
+    ):
+        assert main([*request_words, "--out", out]) == 2
+        told = capsys.readouterr().err
+        assert told.startswith(f"run-experiment: --out: {out} cannot be a results folder: ")
+        assert told.endswith(f"{why}; give another\n")
+
+
+@pytest.mark.parametrize(
+    ("step", "request_words"),
+    [
+        ("experiments.compare_runs.load", ["--compare", "before", "after"]),
+        ("scenes.picture.save_picture", ["--show-scene", "desk"]),
+        ("experiments.precision.measure", [str(ROOT / "configs" / "precision.yaml")]),
+        ("experiments.run_chapters._run_part", [str(ROOT / "configs" / "thesis.yaml")]),
+    ],
+)
+def test_a_full_disk_gets_one_line(
+    step: str,
+    request_words: list[str],
+    elsewhere: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "some.file")
+
+    monkeypatch.setattr(step, full)
+    assert main(request_words) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("run-experiment: some.file cannot be written (No space left on device)")
+    assert told.count("\n") == 1
 
 
 def test_a_duplicate_key_gets_one_line(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -112,6 +187,18 @@ def test_show_scene_saves_a_picture(elsewhere: Path, capsys: pytest.CaptureFixtu
     assert (elsewhere / line).read_bytes().startswith(b"\x89PNG")
 
 
+def test_show_scene_takes_the_seed(elsewhere: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+
+    def opened(*request: object) -> None:
+        asked.extend(request)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.commands.open_session", opened)
+    main(["--show-scene", "desk", DESK, "--seed", "9"])
+    assert asked[-1] == 9
+
+
 def test_an_interrupt_outside_of_the_trials_gets_one_line_too(
     elsewhere: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,3 +244,15 @@ def test_a_check_that_takes_long_is_announced(
     sweep = f"sweep={{design: {design}, samples: {samples}, over: {over}}}"
     tell_long_check(load_experiment(Path(DESK), [sweep]))
     assert capsys.readouterr().out == told
+
+
+def test_trials_that_failed_in_the_discussion_are_told_without_a_traceback_of_the_command(
+    elsewhere: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: object, **__: object) -> None:
+        raise TrialError("2 trials failed, ab12 first:\nof the trial")
+
+    monkeypatch.setattr("experiments.discussion.load_discussion", failing)
+    assert main([str(ROOT / "configs" / "discussion.yaml")]) == 1
+    told = capsys.readouterr().err
+    assert told == "run-experiment: 2 trials failed, ab12 first:\nof the trial\n"

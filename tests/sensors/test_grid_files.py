@@ -74,6 +74,8 @@ def test_csv_may_hold_intensity(tmp_path: Path) -> None:
     [
         ("a.csv", "profile,pixel,x_mm,y_mm\n0,0,1,2\n", "line 1: has no column 'z_mm'"),
         ("a.csv", HEADER + "0,0,1,2,3\n0,1,1,two,3\n", "line 3: y_mm is 'two', no finite number"),
+        ("a.csv", HEADER + "\n0,0,1,2,3\n\n0,1,1,two,3\n", "line 5: y_mm is 'two'"),
+        ("a.csv", HEADER + "0,0,1,2,3\n\n  \n0,0,1,2,4\n\n", "line 5: profile 0, pixel 0 was"),
         ("a.csv", HEADER + "0,0,1,2,inf\n", "line 2: z_mm is 'inf'"),
         ("a.csv", HEADER + "0,0,1,2,3\n0,1.5,1,2,3\n", "line 3: pixel is 1.5; expected a whole"),
         ("a.csv", HEADER + "-1,0,1,2,3\n", "line 2: profile is -1"),

@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
+from seen_share import overlap
 
 from scenes import SCENES
 from scenes.flat_target import FlatTargetParams, flat_target
 from scenes.scene import Scene
 from scenes.solids import assemble, box
 from sensors.jupiter import Jupiter, JupiterParams
-from sensors.overlap import overlap, seen
+from sensors.overlap import seen
 from sensors.paths import ViewPath, aimed_view, straight_line
 
 SENSOR = Jupiter()

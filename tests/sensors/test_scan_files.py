@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,29 @@ def test_damaged_and_missing_files_are_told_in_a_line(
     bad.unlink()
     with pytest.raises(ScanFileError, match="No such file"):
         read_scan(bad, 4.0)
+
+
+@pytest.mark.parametrize("damage", ["packed", "encrypted", "otherwise packed", "huge"])
+def test_foreign_archives_are_told_in_a_line(damage: str, scan: Scan, tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    np.savez_compressed(file, points_mm=scan.points_mm, step_mm=4.0)
+    data = bytearray(file.read_bytes())
+    entry = data.index(b"PK\x01\x02")  # of the archive's list; the file itself begins at 0
+    if damage == "packed":
+        data[60:100] = b"\xff" * 40
+    elif damage == "encrypted":
+        data[6] |= 1
+        data[entry + 8] |= 1
+    elif damage == "otherwise packed":
+        data[8] = data[entry + 10] = 97
+    else:
+        with zipfile.ZipFile(file, "w") as archive, archive.open("points_mm.npy", "w") as stream:
+            header = {"descr": "<f8", "fortran_order": False, "shape": (10**7, 10**7, 3)}
+            np.lib.format.write_array_header_1_0(stream, header)
+        data = bytearray(file.read_bytes())
+    file.write_bytes(data)
+    with pytest.raises(ScanFileError, match=r"a\.npz: is no \.npz file of plain arrays"):
+        read_scan(file, 4.0)
 
 
 def test_a_threedx_file_needs_the_step(scan: Scan, tmp_path: Path) -> None:

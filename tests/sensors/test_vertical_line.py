@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from seen_share import overlap
 
 from registration import Scan, register
 from registration.gauss_sphere.describing import describe
@@ -16,7 +17,6 @@ from sensors import f3, threedx
 from sensors.arm import ArmParams, start_view, viewing_line
 from sensors.jupiter import Jupiter, JupiterParams
 from sensors.noise import NoiseParams
-from sensors.overlap import overlap
 from sensors.paths import LineError, ViewPath, aimed_view, straight_line, travel_of
 
 SENSOR = Jupiter(JupiterParams(noise=NoiseParams(enabled=False)))

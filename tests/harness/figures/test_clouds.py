@@ -8,7 +8,7 @@ import trimesh
 from harness.config.reading import load_experiment
 from harness.execution import perform
 from harness.figures.clouds import SOURCE_RGB, TARGET_RGB, write_clouds
-from harness.figures.pair_view import file_slug
+from harness.file_names import file_slug
 from harness.trials.specs import build_trials
 
 

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shipped_configs import CONFIGS
 
@@ -28,6 +29,7 @@ from harness.trials.random_pairs import (
 from harness.trials.specs import Trial, TrialSpec
 from harness.workers.child import Task
 from harness.workers.supervise import perform_all
+from registration.calibration import Calibration, Table
 from sensors.noise import NoiseParams
 
 CONFIG = """\
@@ -203,8 +205,10 @@ def test_a_missing_calibration_is_refused(config: Path) -> None:
 def test_rows_of_another_calibration_are_not_reused(config: Path, tmp_path: Path) -> None:
     file = tmp_path / "own.json"
     codes = []
-    for text in ("one", "another"):
-        file.write_text(text, encoding="utf-8")
+    for depth_mm in (-65.0, -66.0):
+        values = Table(np.array([200.0, 1500.0]), np.array([0.0, 3.0]), np.ones((2, 2)))
+        apex_mm = np.array([0.0, 0.0, depth_mm])
+        Calibration("incidence", apex_mm, values, values).write(file)
         override = f"methods=[{{name: gauss_sphere, params: {{calibration: {file}}}}}]"
         codes.append(open_session(config, None, [override]).code)
     assert codes[0] != codes[1]
