@@ -69,7 +69,7 @@ def make_parser() -> argparse.ArgumentParser:
         "--export",
         type=Path,
         metavar="FILE",
-        help="compute nothing: write the rows of CONFIG to FILE, .parquet or .csv",
+        help="compute nothing: write the rows at hand of CONFIG to FILE, .parquet or .csv",
     )
     what.add_argument("--trial", metavar="ID", help="replay one trial, print it, write nothing")
     what.add_argument("--list", action="store_true", help="list the configs, one line each")

@@ -110,11 +110,11 @@ def run_all(
 
 
 def export(session: Session, file: Path) -> int:
-    """Write the rows of all trials to one file; computes nothing. Raises StoreError."""
+    """Write the rows at hand of all trials to one file; computes nothing. Raises StoreError."""
     from harness.store.export import export_rows  # it brings pandas
 
-    rows = export_rows(session.folder, file, {trial.id for trial in session.trials})
-    print(f"{file}: {rows} rows")
+    rows, missing = export_rows(session.folder, file, {trial.id for trial in session.trials})
+    print(f"{file}: {rows} rows" + (f", {missing} different trials have none" if missing else ""))
     return EXIT_OK
 
 

@@ -132,7 +132,7 @@ def _direction(travel: ArrayLike) -> FloatArray:
 def _float_array(values: ArrayLike, name: str) -> FloatArray:
     try:
         if isinstance(values, np.ma.MaskedArray):
-            values = values.astype(np.float64).filled(np.nan)
+            values = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
         return np.array(values, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise ScanError(f"{name} is not an array of numbers: {error}") from None

@@ -13,22 +13,19 @@ from harness.store.rows import load
 ENDINGS = (".parquet", ".csv")
 
 
-def export_rows(folder: Path, file: Path, identities: Collection[str]) -> int:
-    """Write the rows of these trials as store.load gives them, to .parquet or .csv; how many.
+def export_rows(folder: Path, file: Path, identities: Collection[str]) -> tuple[int, int]:
+    """Write the rows of these trials as store.load gives them, to .parquet or .csv.
 
     Units are in the names of the columns. The matrices are left out: poses are there as their six
-    parameters. Raises StoreError, also where a trial has no row.
+    parameters. Returns how many rows there are, and how many different trials have none.
+    Raises StoreError, also where no trial has a row.
     """
     if file.suffix not in ENDINGS:
         raise StoreError(f"{file} should end in {' or '.join(ENDINGS)}")
     rows = load(folder, arrays=False)
     rows = rows[rows["id"].isin(identities)]
-    asked, found = len(set(identities)), rows["id"].nunique()
-    if found < asked:
-        raise StoreError(
-            f"{folder} has rows of {found} of the {asked} different trials of this configuration; "
-            "run it first"
-        )
+    if rows.empty:
+        raise StoreError(f"{folder} has no row of this configuration; run it first")
     try:
         if file.suffix == ".csv":
             rows.to_csv(file, index=False, lineterminator="\n")
@@ -36,7 +33,7 @@ def export_rows(folder: Path, file: Path, identities: Collection[str]) -> int:
             _plain(rows).to_parquet(file, index=False)
     except OSError as error:
         raise StoreError(f"{file} cannot be written ({error.strerror or error})") from None
-    return len(rows)
+    return len(rows), len(set(identities)) - rows["id"].nunique()
 
 
 def _plain(rows: pd.DataFrame) -> pd.DataFrame:
