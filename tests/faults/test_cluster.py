@@ -70,7 +70,7 @@ def test_a_scheduler_that_is_not_there_is_told_in_a_line(
         cluster_pool(address)
     assert "\n" not in str(caught.value)
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ClusterError, match=r"pip install '.\[cluster\]'"):
+    with pytest.raises(ClusterError, match=r"pip install -c constraints.txt -e '.\[cluster\]'"):
         cluster_pool(address)
 
 

@@ -129,6 +129,7 @@ def test_a_large_sweep_shows_what_can_be_read() -> None:
             "status": "ok",
             "rotation_error_deg": 0.1,
             "translation_error_mm": np.arange(points) % 60.0,
+            "ms_registration": np.nan,
             "sweep.point": np.arange(points),
             "sweep.varied": "",
             "sweep.scan.step_mm": np.linspace(1.0, 9.0, points),
