@@ -166,21 +166,18 @@ def _spanning_tree(
 
 def _whitening(edges: Sequence[RelativePose]) -> FloatArray:
     """(edges, 6, 6) W, with W^T W the information of each; raises PoseGraphError."""
-    whitening: FloatArray = np.linalg.cholesky(np.linalg.inv(_covariances(edges)))
-    return whitening.transpose(0, 2, 1)
-
-
-def _covariances(edges: Sequence[RelativePose]) -> FloatArray:
-    """(edges, 6, 6), each symmetric and positive definite; raises PoseGraphError."""
-    for edge in edges:
+    whitening = np.empty((len(edges), 6, 6))
+    for edge, upper in zip(edges, whitening, strict=True):
         matrix = np.asarray(edge.covariance)
         good = matrix.shape == (6, 6) and np.isfinite(matrix).all()
-        if not good or np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0] <= 0.0:
+        covariance = 0.5 * (matrix + matrix.T) if good else np.zeros((6, 6))
+        if np.linalg.eigvalsh(covariance)[0] <= 0.0:
             raise PoseGraphError(
                 f"the covariance from {edge.source!r} to {edge.target!r} is no positive definite "
                 "(6, 6) matrix; a pose that is open in some direction cannot be an edge"
             )
-    return np.array([0.5 * (np.asarray(e.covariance) + np.asarray(e.covariance).T) for e in edges])
+        upper[:] = np.linalg.cholesky(np.linalg.inv(covariance)).T
+    return whitening
 
 
 def _ends(edges: Sequence[RelativePose], views: tuple[str, ...]) -> tuple[list[int], list[int]]:
